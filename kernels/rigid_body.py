@@ -1,0 +1,112 @@
+"""What a body is to the device, and Kirchhoff's equations in the velocity relative to the seen air.
+
+Everything is divided by the body's own mass, so that a snow flake and a boulder sit in the same range of float32:
+"momentum" is [m/s], "angular momentum" [m^2/s], "force" [m/s^2], "torque" [m^2/s^2]. Body axes throughout.
+"""
+
+from typing import Any
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False})
+
+
+def _structs(real):
+    vec3 = wp.types.vector(3, real)
+    mat33 = wp.types.matrix((3, 3), real)
+
+    @wp.struct
+    class BodyKind:
+        # mass + added mass, about the centre of mass, over the mass: p = M r + D w, l = D^T r + J w
+        linear_inertia: mat33  # M
+        coupling: mat33  # D
+        angular_inertia: mat33  # J
+        # blocks of the inverse: r = A p + B l, w = B^T p + C l
+        inverse_linear: mat33  # A
+        inverse_coupling: mat33  # B
+        inverse_angular: mat33  # C
+        net_weight: real  # 1 - rho V / m, what gravity keeps after buoyancy
+        buoyancy_arm: vec3  # -rho V / m times the centre of buoyancy [m]
+        # quasi-steady loads (aerodynamics.py)
+        pressure_center: vec3  # where they act [m]
+        drag_linear: vec3  # [1/s]
+        drag_root: vec3  # [1/(m s)^(1/2)]
+        drag_quadratic: vec3  # [1/m]
+        lift: real  # [1/m]
+        circulation: vec3  # [1]
+        damping_linear: vec3  # [m^2/s]
+        damping_speed: vec3  # [m]
+        damping_spin: vec3  # [m^2]
+        # fastest rates, for the substep rule: linear + root * V^(1/2) + speed * V + spin * |w|
+        rate_linear: real  # [1/s]
+        rate_root: real  # [1/(m s)^(1/2)]
+        rate_speed: real  # [1/m]
+        rate_spin: real  # [1]
+        rate_start: real  # [1/s], for a body at rest that gravity is about to move
+        # resting on the ground (ground.py)
+        bounding_radius: real  # [m]
+        settling_rate: real  # [1/s]
+        friction: real  # deceleration of a sliding body [m/s^2]
+        first_support: wp.int32
+        support_count: wp.int32
+        first_rest: wp.int32
+        rest_count: wp.int32
+        first_body: wp.int32
+        random_key: wp.uint32
+
+    @wp.struct
+    class Environment:
+        gravity: vec3  # [m/s^2]
+        mean_wind: vec3  # [m/s]
+        wind_step: real  # time between updates of the seen wind [s]
+        wind_steps: wp.int32  # updates in a frame
+        wind_decay: real  # exp(-wind_step / T_L)
+        wind_kick: real  # sigma (1 - decay^2)^(1/2) [m/s]
+        wind_sigma: real  # (2 k / 3)^(1/2) [m/s]
+        has_ground: wp.int32
+        ground_height: real  # [m]
+        seed: wp.uint32
+
+    return BodyKind, Environment
+
+
+BodyKind, Environment = _structs(wp.float32)
+BodyKind64, Environment64 = _structs(wp.float64)
+
+
+@wp.func
+def velocities(kind: Any, momentum: Any, angular_momentum: Any):
+    """Relative velocity [m/s] and angular velocity [rad/s] from the momenta."""
+    velocity = kind.inverse_linear * momentum + kind.inverse_coupling * angular_momentum
+    angular_velocity = wp.transpose(kind.inverse_coupling) * momentum + kind.inverse_angular * angular_momentum
+    return velocity, angular_velocity
+
+
+@wp.func
+def momenta(kind: Any, velocity: Any, angular_velocity: Any):
+    """Momentum and angular momentum, added mass included, from the velocities."""
+    momentum = kind.linear_inertia * velocity + kind.coupling * angular_velocity
+    angular_momentum = wp.transpose(kind.coupling) * velocity + kind.angular_inertia * angular_velocity
+    return momentum, angular_momentum
+
+
+@wp.func
+def kirchhoff_rates(momentum: Any, angular_momentum: Any, velocity: Any, angular_velocity: Any):
+    """Inertial part of dp/dt and dl/dt (Lamb, Hydrodynamics, 6th ed., art. 124): p x w and l x w + p x v."""
+    return (
+        wp.cross(momentum, angular_velocity),
+        wp.cross(angular_momentum, angular_velocity) + wp.cross(momentum, velocity),
+    )
+
+
+@wp.func
+def buoyant_load(kind: Any, gravity: Any):
+    """Force and torque of gravity and buoyancy; gravity in body axes, less the acceleration of the seen air."""
+    return kind.net_weight * gravity, wp.cross(kind.buoyancy_arm, gravity)
+
+
+@wp.func
+def orientation_rate(orientation: Any, angular_velocity: Any):
+    """dq/dt = q (w, 0) / 2, with the angular velocity in body axes."""
+    w = angular_velocity * angular_velocity.dtype(0.5)
+    return orientation * type(orientation)(w[0], w[1], w[2], w.dtype(0.0))

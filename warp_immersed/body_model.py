@@ -1,0 +1,113 @@
+"""`BodyModel`: the numbers with which the device moves one kind of body (see kernels/rigid_body.py)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+from warp_immersed.exact_tensors import shifted_tensor
+from warp_immersed.fluid import Fluid
+from warp_immersed.force_law import LoadCoefficients, quasi_steady_coefficients
+from warp_immersed.resting import Resting, resting
+from warp_immersed.shape import Shape
+
+Array = NDArray[np.float64]
+
+FRICTION_COEFFICIENT = 0.5
+
+
+@dataclass(frozen=True)
+class SubstepRates:
+    """Bound on a body's fastest rate [1/s] at speed V and spin w: linear + root V^(1/2) + speed V + spin w.
+
+    linear [1/s], root [1/(m s)^(1/2)], speed [1/m], spin [1]; start [1/s] holds for a body at rest that gravity moves.
+    """
+
+    linear: float
+    root: float
+    speed: float
+    spin: float
+    start: float
+
+
+@dataclass(frozen=True)
+class BodyModel:
+    """Dynamics of one kind of body, divided by its mass.
+
+    inertia (6, 6): mass and added mass about the centre of mass, [[M, D], [D^T, J]] in [1, m, m^2];
+    net_weight: 1 - rho V / m; buoyancy_arm (3,) [m]: -rho V / m times the centre of buoyancy; loads: per unit mass;
+    settling_rate [1/s] and friction [m/s^2] of a body on the ground; bounding_radius [m].
+    """
+
+    inertia: Array
+    net_weight: float
+    buoyancy_arm: Array
+    loads: LoadCoefficients
+    rates: SubstepRates
+    resting: Resting
+    bounding_radius: float
+    settling_rate: float
+    friction: float
+
+
+def body_model(shape: Shape, fluid: Fluid, added_mass: Array, gravity: float) -> BodyModel:
+    """The model of a shape in a fluid, given its Kirchhoff tensor (6, 6) and the magnitude of gravity [m/s^2]."""
+    inertia = (np.diag([shape.mass] * 3 + list(shape.inertia)) + added_mass) / shape.mass
+    loads = specific_loads(quasi_steady_coefficients(shape, fluid), shape.mass)
+    displaced = fluid.density * shape.volume / shape.mass
+    net_weight = 1.0 - displaced
+    radius = shape.bounding_radius
+    pull = max(abs(net_weight) * gravity, 1e-6)
+    return BodyModel(
+        inertia=inertia,
+        net_weight=net_weight,
+        buoyancy_arm=-displaced * shape.center_of_buoyancy,
+        loads=loads,
+        rates=substep_rates(inertia, loads, abs(net_weight) * gravity),
+        resting=resting(shape),
+        bounding_radius=radius,
+        # a rod of length R that topples about its end: rate^2 = 3 g / (2 R), slowed by the air it pushes away
+        settling_rate=float(np.sqrt(1.5 * pull / (inertia[2, 2] * radius))),
+        friction=float(FRICTION_COEFFICIENT * pull / inertia[0, 0]),
+    )
+
+
+def specific_loads(loads: LoadCoefficients, mass: float) -> LoadCoefficients:
+    """The same coefficients divided by the mass of the body [kg]."""
+    divided = {name: value if name == "pressure_center" else value / mass for name, value in vars(loads).items()}
+    return LoadCoefficients(**divided)
+
+
+def substep_rates(inertia: Array, loads: LoadCoefficients, pull: float) -> SubstepRates:
+    """Rates for the substep rule from the body's inertia (6, 6) and loads, both per unit mass; pull [m/s^2].
+
+    Drag and damping: largest eigenvalue of (inertia)^-1 (resistance), with the exponent of the speed as a factor.
+    Munk moment: the frequency or growth rate of a body that translates along axis j and turns about k,
+    V (m_j |m_j - m_i| / (m_i J_k))^(1/2) (Lamb, art. 124), over all axes.
+    """
+    at = loads.pressure_center
+
+    def rate_of(translation: Array | float, rotation: Array | float = 0.0) -> float:
+        resistance = shifted_tensor(np.diag(np.concatenate([np.full(3, 1.0) * translation, np.zeros(3)])), at)
+        resistance += np.diag(np.concatenate([np.zeros(3), np.full(3, 1.0) * rotation]))
+        return float(eigh(resistance, inertia, eigvals_only=True)[-1])
+
+    lightest = 1.0 / np.diag(np.linalg.inv(inertia))
+    mass, moment = lightest[:3], lightest[3:]
+    munk = gyration = 0.0
+    for i in range(3):
+        for j in range(3):
+            k = 3 - i - j
+            if i != j:
+                munk = max(munk, mass[j] * abs(inertia[j, j] - inertia[i, i]) / (mass[i] * moment[k]))
+                gyration = max(gyration, loads.circulation[k] / np.sqrt(mass[i] * mass[j]))
+    speed = np.sqrt(munk) + 2.0 * rate_of(loads.drag_quadratic) + rate_of(loads.lift) + rate_of(0.0, loads.damping_speed)
+    linear = rate_of(loads.drag_linear, loads.damping_linear)
+    return SubstepRates(
+        linear=linear,
+        root=1.5 * rate_of(loads.drag_root),
+        speed=float(speed),
+        spin=float(1.0 + gyration + 2.0 * rate_of(0.0, loads.damping_spin)),
+        start=float(linear + np.sqrt(speed * pull / mass.min())),
+    )
