@@ -1,9 +1,11 @@
-"""Quasi-steady fluid loads on a body: drag, lift, rotational circulation and rotational damping.
+"""Fluid loads on a body: drag, lagged circulatory lift, rotational damping, and what separation takes of the Munk moment.
 
-The plate law of Andersen, Pesavento & Wang, J. Fluid Mech. 541 (2005) 65, carried over to three dimensions: the lift
-plane is that of the velocity and the plate's normal z, the drag coefficient depends on the angle through the squares
-of the direction cosines, and each axis has its own damping. Per unit mass, in body axes, acting at the centre of
-pressure. `warp_immersed/force_law.py` gives the coefficients of a shape.
+The plate law of Andersen, Pesavento & Wang, J. Fluid Mech. 541 (2005) 65, carried over to three dimensions (the lift
+plane is that of the velocity and the plate's normal z; drag depends on the angle through the squares of the direction
+cosines; each axis has its own damping), with three changes that measured paper disks ask for: the lift follows its
+quasi-steady value with a lag, dies out at small Reynolds numbers, and the Munk moment is cut because the centre of
+pressure of separated flow lies near the middle. Per unit mass, in body axes, acting at the centre of pressure.
+`warp_immersed/force_law.py` gives the coefficients of a shape and their sources.
 """
 
 from typing import Any
@@ -17,30 +19,50 @@ SMALLEST_SPEED = wp.constant(1.0e-9)
 
 
 @wp.func
-def quasi_steady_load(kind: Any, velocity: Any, angular_velocity: Any):
-    """Force and torque about the centre of mass for a body moving with (velocity, angular_velocity) through the air."""
+def quasi_steady_load(kind: Any, velocity: Any, angular_velocity: Any, lift: Any):
+    """Force and torque about the centre of mass for a body that moves with (velocity, angular_velocity) through the air
+    and carries the circulatory lift `lift`; and the rate of change of that lift."""
     local = velocity + wp.cross(angular_velocity, kind.pressure_center)
-    speed = wp.length(local)
+    square = wp.cw_mul(local, local)
+    speed_squared = square[0] + square[1] + square[2]
+    speed = wp.sqrt(speed_squared)
     inverse_speed = type(speed)(1.0) / wp.max(speed, type(speed)(SMALLEST_SPEED))
-    along = local * inverse_speed
-    squares = wp.cw_mul(along, along)
-    drag = wp.dot(kind.drag_quadratic, squares) * speed + wp.dot(kind.drag_root, squares) * wp.sqrt(speed)
+    inverse_squared = inverse_speed * inverse_speed
+
+    root = wp.sqrt(speed)
+    drag_x = kind.drag_root[0] * root + kind.drag_quadratic[0] * speed
+    drag_y = kind.drag_root[1] * root + kind.drag_quadratic[1] * speed
+    drag_z = wp.max(
+        kind.drag_root[2] * root + kind.drag_quadratic[2] * speed, kind.drag_broadside * speed - kind.drag_linear[2]
+    )
+    drag = (drag_x * square[0] + drag_y * square[1] + drag_z * square[2]) * inverse_squared
+
+    # the quasi-steady lift: translational, normal to the velocity in the plane of velocity and normal, and rotational
     normal = local[2]
-    lift = kind.lift * normal * inverse_speed
-    force = (
-        wp.cross(wp.cw_mul(kind.circulation, angular_velocity), local)
-        - drag * local
-        - wp.cw_mul(kind.drag_linear, local)
+    cubed = speed_squared * speed
+    attached = cubed / wp.max(cubed + kind.lift_onset_cubed, type(speed)(1.0e-30))
+    strength = attached * kind.lift * normal * inverse_speed
+    target = wp.cross(wp.cw_mul(kind.circulation, angular_velocity), local) * attached + type(local)(
+        strength * normal * local[0], strength * normal * local[1], -strength * (square[0] + square[1])
     )
-    force += type(local)(
-        lift * normal * local[0],
-        lift * normal * local[1],
-        -lift * (local[0] * local[0] + local[1] * local[1]),
-    )
+    follow = kind.lift_lag * speed
+    # in body axes a lift that keeps its direction in space turns against the spin about the normal
+    spin_normal = angular_velocity[2]
+    lift_rate = (target - lift) * follow + type(lift)(spin_normal * lift[1], -spin_normal * lift[0], type(speed)(0.0))
+    acting = lift
+    if kind.lift_lag == type(speed)(0.0):
+        acting = target
+
+    force = acting - drag * local - wp.cw_mul(kind.drag_linear, local)
     spin = wp.length(angular_velocity)
     damping = kind.damping_linear + speed * kind.damping_speed + spin * kind.damping_spin
-    torque = wp.cross(kind.pressure_center, force) - wp.cw_mul(damping, angular_velocity)
-    return force, torque
+    cut = kind.munk_cut_edge + kind.munk_cut_swing * square[2] * inverse_squared
+    torque = (
+        wp.cross(kind.pressure_center, force)
+        - wp.cw_mul(damping, angular_velocity)
+        - cut * wp.cross(kind.linear_inertia * local, local)
+    )
+    return force, torque, lift_rate
 
 
 @wp.func

@@ -15,7 +15,14 @@ from warp_immersed.kernels.rigid_body import (
     velocities,
 )
 
-wp.set_module_options({"enable_backward": False})
+# Warp's own flags, with multiplications and additions fused and without its attempts at packing scalars into vectors:
+# 15 % faster here.
+wp.set_module_options(
+    {
+        "enable_backward": False,
+        "cpu_compiler_flags": "-march=native -ffp-contract=fast -fno-slp-vectorize -mllvm=-inline-threshold=9000",
+    }
+)
 
 # What a body is doing. A settling body touches the ground but has not come to rest.
 WAITING = 0
@@ -31,52 +38,66 @@ MOST_SUBSTEPS = 20000
 
 
 @wp.func
-def momentum_rates(kind: Any, momentum: Any, angular_momentum: Any, orientation: Any, gravity: Any):
-    """dp/dt, dl/dt, the relative velocity and the angular velocity; gravity in world axes, less the seen air's acceleration."""
+def state_rates(kind: Any, momentum: Any, angular_momentum: Any, orientation: Any, lift: Any, gravity: Any):
+    """dp/dt, dl/dt, dL/dt, the relative velocity and the angular velocity; gravity in world axes, less the seen air's
+    acceleration."""
     velocity, angular_velocity = velocities(kind, momentum, angular_momentum)
     inertial, inertial_moment = kirchhoff_rates(momentum, angular_momentum, velocity, angular_velocity)
-    load, load_moment = quasi_steady_load(kind, velocity, angular_velocity)
+    load, load_moment, lift_rate = quasi_steady_load(kind, velocity, angular_velocity, lift)
     weight, weight_moment = buoyant_load(kind, wp.quat_rotate_inv(orientation, gravity))
-    return inertial + load + weight, inertial_moment + load_moment + weight_moment, velocity, angular_velocity
+    return (
+        inertial + load + weight,
+        inertial_moment + load_moment + weight_moment,
+        lift_rate,
+        velocity,
+        angular_velocity,
+    )
 
 
 @wp.func
-def runge_kutta_4(kind: Any, p: Any, l: Any, q: Any, gravity: Any, h: Any):
-    """Classical fourth-order Runge-Kutta step of (momentum, angular momentum, orientation) over h [s].
+def runge_kutta_4(
+    kind: Any, p: Any, l: Any, q: Any, lift: Any, gravity: Any, h: Any, dp1: Any, dl1: Any, da1: Any, r: Any, w: Any
+):
+    """Classical fourth-order Runge-Kutta step of (momentum, angular momentum, orientation, lift) over h [s].
 
-    Returns them and the displacement relative to the air (world axes) [m].
+    dp1, dl1, da1, r, w: the rates and velocities at its start. Returns the new state and the displacement relative to
+    the air (world axes) [m].
     """
     half = h * type(h)(0.5)
     third = h / type(h)(3.0)
     sixth = h / type(h)(6.0)
-    dp1, dl1, r, w = momentum_rates(kind, p, l, q, gravity)
     dq1 = orientation_rate(q, w)
     dx = wp.quat_rotate(q, r) * sixth
     q_stage = q + dq1 * half
-    dp2, dl2, r, w = momentum_rates(kind, p + dp1 * half, l + dl1 * half, q_stage, gravity)
+    dp2, dl2, da2, r, w = state_rates(kind, p + dp1 * half, l + dl1 * half, q_stage, lift + da1 * half, gravity)
     dq2 = orientation_rate(q_stage, w)
     dx += wp.quat_rotate(q_stage, r) * third
     q_stage = q + dq2 * half
-    dp3, dl3, r, w = momentum_rates(kind, p + dp2 * half, l + dl2 * half, q_stage, gravity)
+    dp3, dl3, da3, r, w = state_rates(kind, p + dp2 * half, l + dl2 * half, q_stage, lift + da2 * half, gravity)
     dq3 = orientation_rate(q_stage, w)
     dx += wp.quat_rotate(q_stage, r) * third
     q_stage = q + dq3 * h
-    dp4, dl4, r, w = momentum_rates(kind, p + dp3 * h, l + dl3 * h, q_stage, gravity)
+    dp4, dl4, da4, r, w = state_rates(kind, p + dp3 * h, l + dl3 * h, q_stage, lift + da3 * h, gravity)
     dq4 = orientation_rate(q_stage, w)
     dx += wp.quat_rotate(q_stage, r) * sixth
     return (
         p + (dp1 + dp4) * sixth + (dp2 + dp3) * third,
         l + (dl1 + dl4) * sixth + (dl2 + dl3) * third,
         wp.normalize(q + (dq1 + dq4) * sixth + (dq2 + dq3) * third),
+        lift + (da1 + da4) * sixth + (da2 + da3) * third,
         dx,
     )
 
 
 @wp.func
-def is_finite(p: Any, l: Any, q: Any, x: Any):
+def is_finite(p: Any, l: Any, q: Any, x: Any, lift: Any):
     """Whether a body's whole state is finite."""
     return (
-        wp.isfinite(wp.dot(p, p)) and wp.isfinite(wp.dot(l, l)) and wp.isfinite(wp.dot(x, x)) and wp.isfinite(q[0] + q[3])
+        wp.isfinite(wp.dot(p, p))
+        and wp.isfinite(wp.dot(l, l))
+        and wp.isfinite(wp.dot(x, x))
+        and wp.isfinite(wp.dot(lift, lift))
+        and wp.isfinite(q[0] + q[3])
     )
 
 
@@ -108,12 +129,13 @@ def advance_quasi_steady(
     momentum: wp.array(dtype=Any),
     angular_momentum: wp.array(dtype=Any),
     seen_wind: wp.array(dtype=Any),
-    substeps: wp.array(dtype=wp.int32),
+    circulatory_lift: wp.array(dtype=Any),
     position_out: wp.array(dtype=Any),
     orientation_out: wp.array(dtype=Any),
     velocity_out: wp.array(dtype=Any),
     angular_velocity_out: wp.array(dtype=Any),
     state_out: wp.array(dtype=wp.uint8),
+    substeps_out: wp.array(dtype=wp.int32),
 ):
     """Advance bodies first, first + 1, ... by the frame number clock[0] and write how they stand at its end.
 
@@ -129,6 +151,7 @@ def advance_quasi_steady(
         velocity_out[i] = x - x
         angular_velocity_out[i] = x - x
         state_out[i] = state[i]
+        substeps_out[i] = 0
         return
     kind = kinds[kind_index[i]]
     environment = environments[0]
@@ -139,6 +162,7 @@ def advance_quasi_steady(
     p = momentum[i]
     l = angular_momentum[i]
     u = seen_wind[i]
+    lift = circulatory_lift[i]
     wind_step = environment.wind_step
     zero = wind_step - wind_step
     # part of the frame that lies before the body's release
@@ -165,11 +189,11 @@ def advance_quasi_steady(
                 gravity = environment.gravity - gust
                 left = interval
                 while left > zero:
-                    r, w = velocities(kind, p, l)
+                    dp, dl, da, r, w = state_rates(kind, p, l, q, lift, gravity)
                     rate = fastest_rate(kind, r, w, wp.length(gust) * left)
                     pieces = wp.max(wp.ceil(left * rate / type(left)(SUBSTEP_CRITERION)), type(left)(1.0))
                     h = left / pieces
-                    p_next, l_next, q_next, moved = runge_kutta_4(kind, p, l, q, gravity, h)
+                    p_next, l_next, q_next, lift, moved = runge_kutta_4(kind, p, l, q, lift, gravity, h, dp, dl, da, r, w)
                     elapsed = interval - left
                     moved += (environment.mean_wind + u + gust * (elapsed + h * type(h)(0.5))) * h
                     count += 1
@@ -217,7 +241,7 @@ def advance_quasi_steady(
     elif status == SETTLING:
         settling_time = wind_step * type(wind_step)(environment.wind_steps)
 
-    if status == FAILED or not is_finite(p, l, q, displacement):
+    if status == FAILED or not is_finite(p, l, q, displacement, lift):
         status = FAILED
         q = orientation[i]
         displacement = x - x
@@ -253,7 +277,8 @@ def advance_quasi_steady(
     momentum[i] = p
     angular_momentum[i] = l
     seen_wind[i] = u
-    substeps[i] = substeps[i] + count
+    circulatory_lift[i] = lift
+    substeps_out[i] = count
     position_out[i] = x
     orientation_out[i] = q
     velocity_out[i] = velocity

@@ -27,13 +27,18 @@ def _structs(real):
         inverse_angular: mat33  # C
         net_weight: real  # 1 - rho V / m, what gravity keeps after buoyancy
         buoyancy_arm: vec3  # -rho V / m times the centre of buoyancy [m]
-        # quasi-steady loads (aerodynamics.py)
+        # loads (aerodynamics.py)
         pressure_center: vec3  # where they act [m]
         drag_linear: vec3  # [1/s]
         drag_root: vec3  # [1/(m s)^(1/2)]
         drag_quadratic: vec3  # [1/m]
+        drag_broadside: real  # [1/m], least quadratic drag along z
         lift: real  # [1/m]
         circulation: vec3  # [1]
+        lift_onset_cubed: real  # cube of the speed below which viscosity takes the lift [m^3/s^3]
+        lift_lag: real  # lift follows within 1 / (lag V) [1/m]; 0: at once
+        munk_cut_edge: real  # part of the Munk moment that separation takes, edge-on ...
+        munk_cut_swing: real  # ... and how much more broadside
         damping_linear: vec3  # [m^2/s]
         damping_speed: vec3  # [m]
         damping_spin: vec3  # [m^2]

@@ -16,6 +16,9 @@ Array = NDArray[np.float64]
 
 FRICTION_COEFFICIENT = 0.5
 
+# Load coefficients that are no forces, so that the mass leaves them alone.
+UNDIVIDED = ("pressure_center", "lift_onset_cubed", "lift_lag", "munk_cut_edge", "munk_cut_swing")
+
 
 @dataclass(frozen=True)
 class SubstepRates:
@@ -75,7 +78,7 @@ def body_model(shape: Shape, fluid: Fluid, added_mass: Array, gravity: float) ->
 
 def specific_loads(loads: LoadCoefficients, mass: float) -> LoadCoefficients:
     """The same coefficients divided by the mass of the body [kg]."""
-    divided = {name: value if name == "pressure_center" else value / mass for name, value in vars(loads).items()}
+    divided = {name: value if name in UNDIVIDED else value / mass for name, value in vars(loads).items()}
     return LoadCoefficients(**divided)
 
 
@@ -102,7 +105,9 @@ def substep_rates(inertia: Array, loads: LoadCoefficients, pull: float) -> Subst
             if i != j:
                 munk = max(munk, mass[j] * abs(inertia[j, j] - inertia[i, i]) / (mass[i] * moment[k]))
                 gyration = max(gyration, loads.circulation[k] / np.sqrt(mass[i] * mass[j]))
-    speed = np.sqrt(munk) + 2.0 * rate_of(loads.drag_quadratic) + rate_of(loads.lift) + rate_of(0.0, loads.damping_speed)
+    quadratic = np.maximum(loads.drag_quadratic, [0.0, 0.0, loads.drag_broadside])
+    speed = np.sqrt(munk) + 2.0 * rate_of(quadratic) + rate_of(loads.lift) + rate_of(0.0, loads.damping_speed)
+    speed = max(speed, loads.lift_lag)
     linear = rate_of(loads.drag_linear, loads.damping_linear)
     return SubstepRates(
         linear=linear,

@@ -10,7 +10,8 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 from warp_immersed.counter_random import uniforms
 
 Array = NDArray[np.float64]
-Number = Annotated[float, Field(allow_inf_nan=False)]
+Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False, strict=True)]
 Vector = tuple[Number, Number, Number]
 Quaternion = tuple[Number, Number, Number, Number]
 
@@ -29,8 +30,8 @@ class Release(BaseModel):
     orientation: Literal["random"] | Quaternion = "random"
     velocity: Vector = (0.0, 0.0, 0.0)
     angular_velocity: Vector = (0.0, 0.0, 0.0)
-    start: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
-    duration: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
+    start: NotNegative = 0.0
+    duration: NotNegative = 0.0
 
     @field_validator("orientation")
     @classmethod
@@ -48,11 +49,7 @@ class BoxEmitter(Release):
 
     kind: Literal["box"]
     center: Vector
-    size: tuple[
-        Annotated[float, Field(ge=0.0, allow_inf_nan=False)],
-        Annotated[float, Field(ge=0.0, allow_inf_nan=False)],
-        Annotated[float, Field(ge=0.0, allow_inf_nan=False)],
-    ]
+    size: tuple[NotNegative, NotNegative, NotNegative]
 
 
 class DiskEmitter(Release):
@@ -60,7 +57,7 @@ class DiskEmitter(Release):
 
     kind: Literal["disk"]
     center: Vector
-    radius: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+    radius: NotNegative
     normal: Vector = (0.0, 1.0, 0.0)
 
     @field_validator("normal")

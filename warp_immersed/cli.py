@@ -1,0 +1,195 @@
+"""The command line: `warp-immersed run`, `export`, `info`."""
+
+import sys
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from warp_immersed.errors import InputError
+
+FAILURE, BAD_INPUT, INTERRUPTED = 1, 2, 130
+
+app = typer.Typer(
+    help="Leaves, paper, coins and seeds that fall, drift and tumble right, as USD.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+SceneArgument = Annotated[str, typer.Argument(help="A scene file (.toml) or the name of a built-in scene.")]
+DeviceOption = Annotated[str | None, typer.Option(help="cpu, cuda:0, ... [default: CUDA if there is one, else the CPU]")]
+
+
+@app.command()
+def run(
+    scene: SceneArgument,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="A .usdc, .usda, .usd or .h5 file. [default: out/SCENE.usdc]")
+    ] = None,
+    device: DeviceOption = None,
+    seed: Annotated[int | None, typer.Option(help="Replaces the scene's seed.")] = None,
+    count_scale: Annotated[float, typer.Option(help="Multiplies the number of bodies of every kind.")] = 1.0,
+    fidelity: Annotated[str | None, typer.Option(help="auto or quasi_steady, for all bodies.")] = None,
+    threads: Annotated[int | None, typer.Option(min=1, help="CPU threads; they do not change the result.")] = None,
+    progress: Annotated[bool, typer.Option(help="Show progress.")] = True,
+) -> None:
+    """Simulate a scene and write it as USD (or as an HDF5 recording, if OUT ends in .h5)."""
+    begin = time.perf_counter()
+    start_warp()
+    from warp_immersed.progress import progress_of, rate_text
+    from warp_immersed.scene import Scene
+    from warp_immersed.simulate import choose_device, ensemble_of, manifest_of, plan
+    from warp_immersed.simulate import run as run_ensemble
+    from warp_immersed.summary import kind_line, mass_text
+
+    loaded = Scene.load(scene).changed(seed=seed, count_scale=count_scale, fidelity=fidelity)
+    where = choose_device(device)
+    planned = plan(loaded)
+    for note in planned.notes:
+        typer.echo(f"note: {note}")
+    path = output or Path("out") / f"{loaded.name}.usdc"
+    check_output(path, loaded.frame_count, loaded.body_count)
+    ensemble = ensemble_of(planned, where, threads)
+    sink = open_sink(path, planned.prototypes, loaded.fps, manifest_of(planned, where))
+    typer.echo(f"{loaded.name}: {loaded.body_count} bodies, {loaded.frame_count} frames at {loaded.fps:g} fps, on {where.name}")
+    for kind in planned.kinds:
+        typer.echo(f"  {kind_line(kind, planned.surroundings)}")
+    ready = time.perf_counter()
+    with progress_of(loaded.frame_count, shown=progress) as report:
+        outcome = run_ensemble(ensemble, loaded.frame_count, [sink], report)
+    end = time.perf_counter()
+    size = mass_text(path.stat().st_size)
+    speed = rate_text(outcome.body_steps, end - ready)
+    if outcome.interrupted:
+        typer.echo(f"interrupted: {path} is whole with the first {outcome.frames} of {loaded.frame_count} frames ({size})")
+        raise typer.Exit(INTERRUPTED)
+    typer.echo(f"{path}: {size}, {end - begin:.2f} s of which {ready - begin:.2f} s start-up, {speed}")
+    if outcome.failed:
+        raise RuntimeError(failure_text(outcome.failed, [(kind.table.name, kind.table.count) for kind in planned.kinds]))
+
+
+@app.command()
+def export(
+    recording: Annotated[Path, typer.Argument(help="A recording (.h5).")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="A .usdc, .usda or .usd file.")],
+) -> None:
+    """Write a recording as USD."""
+    from warp_immersed.recording import Recording
+    from warp_immersed.summary import mass_text
+    from warp_immersed.usd import export_usd
+
+    loaded = Recording.load(recording)
+    check_output(output, len(loaded.times), loaded.positions.shape[1])
+    export_usd(loaded, output)
+    typer.echo(f"{output}: {mass_text(output.stat().st_size)}, {len(loaded.times)} frames")
+
+
+@app.command()
+def info(scene: Annotated[str | None, typer.Argument(help="A scene file or built-in scene to describe.")] = None) -> None:
+    """Say what a scene would do, or without one, what there is: versions, devices, built-in scenes."""
+    start_warp()
+    from warp_immersed.summary import describe_installation, describe_scene
+
+    if scene is None:
+        lines = describe_installation()
+    else:
+        from warp_immersed.scene import Scene
+        from warp_immersed.simulate import plan
+
+        lines = describe_scene(plan(Scene.load(scene)))
+    for line in lines:
+        typer.echo(line)
+
+
+def start_warp() -> None:
+    """Initialise Warp without its chatter."""
+    import os
+
+    import warp as wp
+
+    wp.config.log_level = wp.LOG_ERROR
+    # Without a GPU driver Warp warns from native code, straight to standard error.
+    sys.stderr.flush()
+    saved = os.dup(2)
+    try:
+        with open(os.devnull, "w") as quiet:
+            os.dup2(quiet.fileno(), 2)
+            wp.init()
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+
+
+def check_output(path: Path, frames: int, bodies: int) -> None:
+    """Refuse an output that cannot be written, before the work is done; makes its folder."""
+    import shutil
+    import tempfile
+
+    endings = (".usdc", ".usda", ".usd", ".h5")
+    if path.suffix not in endings:
+        raise InputError(f"output {str(path)!r}: found ending {path.suffix!r}, must be one of {', '.join(endings)}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise InputError(f"output {str(path)!r}: cannot be written ({error.strerror})") from error
+    if path.is_dir():
+        raise InputError(f"output {str(path)!r}: is a folder, must be a file")
+    needed = frames * bodies * (250 if path.suffix == ".usda" else 54 if path.suffix == ".h5" else 45)
+    free = shutil.disk_usage(path.parent).free
+    if needed > free:
+        raise InputError(f"output {str(path)!r}: needs about {needed / 1e6:.0f} MB, the disk has {free / 1e6:.0f} MB left")
+
+
+def open_sink(path: Path, prototypes: tuple, fps: float, manifest: dict):  # type: ignore[no-untyped-def, type-arg]
+    """The writer for a path's ending."""
+    if path.suffix == ".h5":
+        from warp_immersed.recording import RecordingWriter
+
+        return RecordingWriter(path, prototypes, fps, manifest)
+    from warp_immersed.usd import UsdWriter
+
+    return UsdWriter(path, prototypes, fps, manifest)
+
+
+def failure_text(failed: tuple[int, ...], kinds: list[tuple[str, int]]) -> str:
+    """Names of failed bodies, kind by kind."""
+    names = []
+    first = 0
+    for name, count in kinds:
+        names += [f"{name} {i - first}" for i in failed if first <= i < first + count]
+        first += count
+    shown = ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+    return f"{len(names)} of {first} bodies failed and were frozen where they were: {shown}"
+
+
+def main() -> None:
+    """Entry point: one line and an exit status instead of a traceback."""
+    try:
+        app(standalone_mode=False)
+    except InputError as error:
+        fail(str(error), BAD_INPUT)
+    except typer.Exit as stop:
+        sys.exit(stop.exit_code)
+    except KeyboardInterrupt:
+        fail("interrupted before the first frame; nothing was written", INTERRUPTED)
+    except typer.Abort:
+        sys.exit(INTERRUPTED)
+    except OSError as error:
+        fail(f"cannot write: {error.strerror or error}", BAD_INPUT)
+    except Exception as error:
+        show = getattr(error, "format_message", None)
+        fail(show() if show else str(error), BAD_INPUT if show else FAILURE)
+
+
+def fail(message: str, status: int) -> None:
+    """Print a one-line error and leave."""
+    print(f"error: {' '.join(message.split())}", file=sys.stderr)
+    sys.exit(status)
+
+
+if __name__ == "__main__":
+    main()

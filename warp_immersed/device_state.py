@@ -1,0 +1,229 @@
+"""The arrays with which the device holds an ensemble."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import ceil, exp, isinf
+from typing import Any, Literal
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warp_immersed.body_model import BodyModel
+from warp_immersed.emitters import Emission
+from warp_immersed.errors import InputError
+from warp_immersed.fluid import Fluid
+from warp_immersed.kernels.integrate import WAITING
+from warp_immersed.kernels.rigid_body import BodyKind, BodyKind64, Environment, Environment64
+from warp_immersed.turbulence import STILL, HomogeneousTurbulence, lagrangian_time_scale
+
+Precision = Literal["float32", "float64"]
+STRUCTS: dict[Precision, tuple[Any, Any]] = {
+    "float32": (BodyKind, Environment),
+    "float64": (BodyKind64, Environment64),
+}
+
+# The seen wind is renewed at least this often within its time scale T_L, so that its straight pieces keep its dispersion.
+WIND_STEPS_PER_TIME_SCALE = 10
+MOST_WIND_STEPS = 1000
+
+
+@dataclass(frozen=True)
+class Group:
+    """Bodies of one kind: their model, how they start, and the 32-bit key of their random numbers."""
+
+    model: BodyModel
+    emission: Emission
+    random_key: int
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What the bodies move in: fluid; gravity (3,) [m/s^2]; mean_wind (3,) [m/s]; turbulence; ground_height y [m] or None."""
+
+    fluid: Fluid
+    gravity: tuple[float, float, float] = (0.0, -9.81, 0.0)
+    mean_wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turbulence: HomogeneousTurbulence = STILL
+    ground_height: float | None = None
+
+
+@dataclass(frozen=True)
+class DeviceState:
+    """Arguments of the frame kernel, in its order.
+
+    constants: kinds, environment, supports, rests, clock; schedule and evolving: one entry a body; outputs: two sets of
+    arrays by the kernel's argument names.
+    """
+
+    constants: list[wp.array]
+    schedule: list[wp.array]
+    evolving: list[wp.array]
+    outputs: tuple[dict[str, wp.array], dict[str, wp.array]]
+    clock: wp.array
+
+    @property
+    def bytes_per_body(self) -> int:
+        """Device memory a body takes, both sets of outputs included."""
+        arrays = [*self.schedule, *self.evolving, *self.outputs[0].values(), *self.outputs[1].values()]
+        return sum(wp.types.type_size_in_bytes(array.dtype) for array in arrays)
+
+
+def allocate(
+    groups: Sequence[Group],
+    emission: Emission,
+    surroundings: Surroundings,
+    fps: float,
+    seed: int,
+    device: wp.Device,
+    precision: Precision,
+) -> DeviceState:
+    """Put an ensemble on a device, its bodies waiting for their release. emission: of all groups, one after the other."""
+    kind_struct, environment_struct = STRUCTS[precision]
+    scalar = environment_struct.vars["wind_step"].type
+    vec3 = environment_struct.vars["gravity"].type
+    quaternion = wp.types.quaternion(scalar)
+    bodies = len(emission.positions)
+    counts = [len(group.emission.positions) for group in groups]
+    kinds, supports, rests = kind_values(groups, np.cumsum([0, *counts]))
+    rounded = emission.positions.astype(np.float32 if precision == "float32" else np.float64)
+    release_frame, release_fraction = release_frames(emission.release_times, fps)
+
+    def array(values: Any, dtype: Any) -> wp.array:
+        return wp.array(values, dtype=dtype, device=device)
+
+    def empty(dtype: Any) -> wp.array:
+        return wp.zeros(bodies, dtype=dtype, device=device)
+
+    clock = array([0], wp.int32)
+    environment = filled(environment_struct, environment_values(surroundings, 1.0 / fps, seed))
+    outputs = tuple(
+        {
+            "position_out": empty(vec3),
+            "orientation_out": empty(quaternion),
+            "velocity_out": empty(vec3),
+            "angular_velocity_out": empty(vec3),
+            "state_out": empty(wp.uint8),
+            "substeps_out": empty(wp.int32),
+        }
+        for _ in range(2)
+    )
+    return DeviceState(
+        constants=[
+            array([filled(kind_struct, values) for values in kinds], kind_struct),
+            array([environment], environment_struct),
+            array(supports, vec3),
+            array(rests, vec3),
+            clock,
+        ],
+        schedule=[
+            array(np.repeat(np.arange(len(groups)), counts), wp.int32),
+            array(release_frame, wp.int32),
+            array(release_fraction, scalar),
+        ],
+        evolving=[
+            wp.full(bodies, WAITING, dtype=wp.uint8, device=device),
+            array(rounded, vec3),
+            array(emission.positions - rounded, vec3),
+            array(emission.orientations, quaternion),
+            array(emission.velocities, vec3),
+            array(emission.angular_velocities, vec3),
+            empty(vec3),
+            empty(vec3),
+        ],
+        outputs=(outputs[0], outputs[1]),
+        clock=clock,
+    )
+
+
+def filled(struct: Any, values: Mapping[str, Any]) -> Any:
+    """A Warp struct with its fields set from numbers and arrays of the right size."""
+    instance = struct()
+    for name, variable in struct.vars.items():
+        value = np.ravel(values[name]).tolist()
+        setattr(instance, name, variable.type(*value))
+    return instance
+
+
+def environment_values(surroundings: Surroundings, frame_time: float, seed: int) -> dict[str, Any]:
+    """Fields of the Environment struct; frame_time [s]."""
+    wind_steps = wind_steps_per_frame(frame_time, surroundings)
+    wind_step = frame_time / wind_steps
+    sigma = surroundings.turbulence.velocity_rms
+    time_scale = lagrangian_time_scale(surroundings.turbulence, surroundings.fluid)
+    decay = exp(-wind_step / time_scale) if time_scale > 0.0 else 0.0
+    return {
+        "gravity": surroundings.gravity,
+        "mean_wind": surroundings.mean_wind,
+        "wind_step": wind_step,
+        "wind_steps": wind_steps,
+        "wind_decay": decay,
+        "wind_kick": sigma * np.sqrt(1.0 - decay**2),
+        "wind_sigma": sigma,
+        "has_ground": int(surroundings.ground_height is not None),
+        "ground_height": surroundings.ground_height or 0.0,
+        "seed": seed,
+    }
+
+
+def wind_steps_per_frame(frame_time: float, surroundings: Surroundings) -> int:
+    """How often the seen wind is renewed in a frame [s].
+
+    Raises:
+        InputError: the turbulence changes too fast for frames of this length.
+    """
+    turbulence = surroundings.turbulence
+    time_scale = lagrangian_time_scale(turbulence, surroundings.fluid)
+    if time_scale == 0.0 or isinf(time_scale):
+        return 1
+    steps = ceil(frame_time * WIND_STEPS_PER_TIME_SCALE / time_scale)
+    if steps > MOST_WIND_STEPS:
+        shortest = frame_time * WIND_STEPS_PER_TIME_SCALE / MOST_WIND_STEPS
+        raise InputError(
+            f"turbulence: its time scale T_L is {time_scale:.3g} s (k {turbulence.k:.3g}, epsilon {turbulence.epsilon:.3g}), "
+            f"too short for frames of {frame_time:.3g} s; it must be at least {shortest:.3g} s: lower epsilon, or use "
+            f'kind = "none"'
+        )
+    return steps
+
+
+def kind_values(groups: Sequence[Group], first_bodies: NDArray[Any]) -> tuple[list[dict[str, Any]], NDArray[Any], NDArray[Any]]:
+    """Fields of the BodyKind struct for each group, and all their support points (S, 3) and rest directions (R, 3)."""
+    kinds = []
+    supports, rests = [group.model.resting.supports for group in groups], [group.model.resting.rests for group in groups]
+    first_support = np.cumsum([0, *(len(s) for s in supports)])
+    first_rest = np.cumsum([0, *(len(r) for r in rests)])
+    for i, group in enumerate(groups):
+        model = group.model
+        inverse = np.linalg.inv(model.inertia)
+        kinds.append(
+            {
+                "linear_inertia": model.inertia[:3, :3],
+                "coupling": model.inertia[:3, 3:],
+                "angular_inertia": model.inertia[3:, 3:],
+                "inverse_linear": inverse[:3, :3],
+                "inverse_coupling": inverse[:3, 3:],
+                "inverse_angular": inverse[3:, 3:],
+                "net_weight": model.net_weight,
+                "buoyancy_arm": model.buoyancy_arm,
+                **vars(model.loads),
+                **{f"rate_{name}": rate for name, rate in vars(model.rates).items()},
+                "bounding_radius": model.bounding_radius,
+                "settling_rate": model.settling_rate,
+                "friction": model.friction,
+                "first_support": first_support[i],
+                "support_count": len(supports[i]),
+                "first_rest": first_rest[i],
+                "rest_count": len(rests[i]),
+                "first_body": first_bodies[i],
+                "random_key": group.random_key,
+            }
+        )
+    # Warp refuses arrays without elements
+    return kinds, np.concatenate(supports), np.concatenate([*rests, np.zeros((1, 3))])
+
+
+def release_frames(times: NDArray[Any], fps: float) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """The frame in which each body is released, and the fraction of it that has passed by then."""
+    frames = np.floor(times * fps)
+    return frames.astype(np.int32), times * fps - frames

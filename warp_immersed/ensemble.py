@@ -1,0 +1,144 @@
+"""`Ensemble`: all bodies of a scene on one device, advanced frame by frame."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warp_immersed.device_state import Group, Precision, Surroundings, allocate
+from warp_immersed.emitters import Emission
+from warp_immersed.errors import InputError
+from warp_immersed.frame_stepper import CpuStepper, CudaStepper, Outputs, available_threads
+from warp_immersed.kernels import integrate
+
+WAITING, MOVING, LANDED, FAILED = integrate.WAITING, integrate.MOVING, integrate.LANDED, integrate.FAILED
+
+
+@dataclass(frozen=True)
+class Frame:
+    """All bodies at one moment, in the order of their groups. The arrays are valid until the next frame is asked for.
+
+    index; time [s]; positions (N, 3) [m] of the centres of mass; orientations (N, 4), (x, y, z, w), body to world;
+    velocities (N, 3) [m/s] and angular_velocities (N, 3) [rad/s], world axes; state (N,) uint8: WAITING, MOVING, LANDED
+    or FAILED; body_steps: substeps taken by all bodies since the start.
+    """
+
+    index: int
+    time: float
+    positions: NDArray[Any]
+    orientations: NDArray[Any]
+    velocities: NDArray[Any]
+    angular_velocities: NDArray[Any]
+    state: NDArray[np.uint8]
+    body_steps: int
+
+
+class Ensemble:
+    """All bodies of a scene on one device.
+
+    Args:
+        groups: the bodies, kind by kind.
+        surroundings: what they move in.
+        fps: frames per second of simulated time.
+        device: a Warp device or its name ("cpu", "cuda:0").
+        seed: 32-bit key of all random numbers.
+        threads: CPU threads, default all cores; the results do not depend on it.
+        precision: "float64" is the oracle for tests.
+
+    Raises:
+        InputError: turbulence too fast, or bodies too small, for frames of this length.
+    """
+
+    def __init__(
+        self,
+        groups: Sequence[Group],
+        surroundings: Surroundings,
+        fps: float,
+        device: Any = "cpu",
+        seed: int = 0,
+        threads: int | None = None,
+        precision: Precision = "float32",
+    ):
+        for group in groups:
+            substeps = group.model.rates.linear / fps
+            if substeps > integrate.MOST_SUBSTEPS:
+                raise InputError(
+                    f"a body of radius {group.model.bounding_radius:.3g} m is too small for quasi_steady: it would need "
+                    f"{substeps:.3g} substeps a frame, at most {integrate.MOST_SUBSTEPS}; make it larger or raise fps"
+                )
+        emissions = [group.emission for group in groups]
+        self._initial = Emission(*(np.concatenate([getattr(e, name) for e in emissions]) for name in vars(emissions[0])))
+        self._fps = fps
+        self._device = wp.get_device(device)
+        self._state = allocate(groups, self._initial, surroundings, fps, seed, self._device, precision)
+        if self._device.is_cpu:
+            self._stepper: CpuStepper | CudaStepper = CpuStepper(
+                self.bodies, threads or available_threads(), self._state.clock, self._state.outputs, self._launch
+            )
+        else:
+            self._stepper = CudaStepper(self.bodies, self._device, self._state.clock, self._state.outputs, self._launch)
+        self._started = 0
+        self._next = 0
+        self._body_steps = 0
+
+    @property
+    def bodies(self) -> int:
+        """Number of bodies."""
+        return len(self._initial.positions)
+
+    @property
+    def bytes_per_body(self) -> int:
+        """Device memory a body takes."""
+        return self._state.bytes_per_body
+
+    def frames(self, count: int) -> Iterator[Frame]:
+        """The next `count` frames, the first ever being the initial state. While one is looked at, the next is computed."""
+        end = self._next + count
+        while self._next < end:
+            current = self._next
+            self._next += 1
+            for ahead in (current, current + 1):
+                if self._started < ahead < end:
+                    self._stepper.start(ahead)
+                    self._started = ahead
+            if current == 0:
+                yield self._initial_frame()
+            else:
+                yield self._frame(current, self._stepper.wait(current))
+
+    def close(self) -> None:
+        """Let the device's threads or queues go."""
+        self._stepper.close()
+
+    def _launch(self, first: int, count: int, outputs: Outputs, record: bool) -> Any:
+        state = self._state
+        return wp.launch(
+            integrate.advance_quasi_steady,
+            dim=count,
+            inputs=[first, *state.constants, *state.schedule, *state.evolving],
+            outputs=list(outputs.values()),
+            device=self._device,
+            record_cmd=record,
+        )
+
+    def _initial_frame(self) -> Frame:
+        start = self._initial
+        moving = start.release_times <= 0.0
+        return Frame(
+            index=0,
+            time=0.0,
+            positions=start.positions.astype(np.float32),
+            orientations=start.orientations.astype(np.float32),
+            velocities=np.where(moving[:, None], start.velocities, 0.0).astype(np.float32),
+            angular_velocities=np.where(moving[:, None], start.angular_velocities, 0.0).astype(np.float32),
+            state=np.where(moving, MOVING, WAITING).astype(np.uint8),
+            body_steps=0,
+        )
+
+    def _frame(self, index: int, outputs: Outputs) -> Frame:
+        *arrays, substeps = (array.numpy() for array in outputs.values())
+        self._body_steps += int(substeps.sum(dtype=np.int64))
+        return Frame(index, index / self._fps, *arrays, body_steps=self._body_steps)

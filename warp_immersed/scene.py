@@ -1,0 +1,249 @@
+"""The scene file: its schema, and errors that name the file, the key, what was found and what would be right."""
+
+import hashlib
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
+
+from warp_immersed.emitters import BoxEmitter, DiskEmitter, Emitter, NotNegative, Number, PointsEmitter, Vector
+from warp_immersed.errors import InputError
+from warp_immersed.fidelity import Fidelity
+from warp_immersed.fluid import PRESETS, Fluid
+from warp_immersed.shape_table import ShapeTable, near
+from warp_immersed.turbulence import STILL, HomogeneousTurbulence
+
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False, strict=True)]
+
+
+class Table(BaseModel):
+    """A table of the scene file: keys it does not know are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class FluidTable(Table):
+    """A fluid by its density [kg/m^3] and kinematic viscosity [m^2/s]."""
+
+    density: Positive
+    kinematic_viscosity: Positive
+
+
+class WindTable(Table):
+    """Uniform mean wind [m/s]."""
+
+    velocity: Vector
+
+
+class NoTurbulence(Table):
+    """Air without fluctuations."""
+
+    kind: Literal["none"]
+
+
+class HomogeneousTable(Table):
+    """Homogeneous turbulence: k [m^2/s^2] and epsilon [m^2/s^3]."""
+
+    kind: Literal["homogeneous"]
+    k: NotNegative
+    epsilon: NotNegative
+
+
+class GroundTable(Table):
+    """A horizontal plane at height y [m]."""
+
+    height: Number = 0.0
+
+
+class BodiesTable(Table):
+    """One kind of body: how many, what they are and how they start.
+
+    density [kg/m^3] and thickness [m] may be left out where a library shape has its own; color is linear RGB.
+    """
+
+    name: Annotated[str, Field(min_length=1, pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
+    count: Annotated[int, Field(ge=1, le=2**31 - 1, strict=True)]
+    shape: ShapeTable
+    density: Annotated[float, Field(ge=5.0, le=25000.0, strict=True)] | None = None
+    thickness: Positive | None = None
+    color: tuple[NotNegative, NotNegative, NotNegative] | None = None
+    fidelity: Fidelity = "auto"
+    emitter: Emitter
+
+
+class Scene(Table):
+    """What to simulate. Lengths in metres, times in seconds, y up.
+
+    duration [s] at fps makes round(duration * fps) frames, the first at time 0; seed: 32-bit key of all randomness;
+    fluid: "air", "water" or a table; gravity [m/s^2].
+    """
+
+    duration: Positive
+    fps: Annotated[float, Field(gt=0.0, le=10000.0, strict=True)] = 24.0
+    seed: Annotated[int, Field(ge=0, le=2**32 - 1, strict=True)] = 0
+    fluid: Literal["air", "water"] | FluidTable = "air"
+    gravity: Vector = (0.0, -9.81, 0.0)
+    wind: WindTable | None = None
+    turbulence: Annotated[NoTurbulence | HomogeneousTable, Field(discriminator="kind")] | None = None
+    ground: GroundTable | None = None
+    bodies: Annotated[tuple[BodiesTable, ...], Field(min_length=1)]
+    _name: str = PrivateAttr("scene")
+    _folder: Path = PrivateAttr(Path())
+    _text: str = PrivateAttr("")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        names = [bodies.name for bodies in self.bodies]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"bodies: two kinds are called {name!r}; names must differ")
+        if self.frame_count < 1:
+            raise ValueError(f"duration: {self.duration} s at {self.fps} fps makes no frame; it must be at least {1 / self.fps:.3g} s")
+        return self
+
+    @classmethod
+    def load(cls, name_or_path: str | Path) -> "Scene":
+        """A built-in scene by its name, or a scene file by its path.
+
+        Raises:
+            InputError: no such scene, not TOML, or a value the schema refuses.
+        """
+        path = Path(name_or_path)
+        if path.suffix != ".toml" and not path.exists():
+            built_in = builtin_scenes()
+            if str(name_or_path) not in built_in:
+                hint = near(str(name_or_path), list(built_in))
+                raise InputError(
+                    f"scene {str(name_or_path)!r}: no such file or built-in scene{hint}; built in: {', '.join(sorted(built_in))}"
+                )
+            path = built_in[str(name_or_path)]
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+            raise InputError(f"scene {str(name_or_path)!r}: cannot be read ({reason})") from error
+        return cls.from_text(text, path.stem, path.parent)
+
+    @classmethod
+    def from_text(cls, text: str, name: str = "scene", folder: Path = Path()) -> "Scene":
+        """A scene from TOML text; mesh files are looked up from `folder`.
+
+        Raises:
+            InputError: not TOML, or a value the schema refuses.
+        """
+        try:
+            values = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise InputError(f"{name}.toml: not valid TOML: {error}") from error
+        try:
+            scene = cls(**values)
+        except ValidationError as error:
+            raise InputError(f"{name}.toml: {first_error(error)}") from error
+        scene._name, scene._folder, scene._text = name, folder, text
+        return scene
+
+    def changed(self, seed: int | None = None, count_scale: float = 1.0, fidelity: Fidelity | None = None) -> "Scene":
+        """The same scene with another seed, all counts scaled (at least one body a kind), or another fidelity for all.
+
+        Raises:
+            InputError: the values leave their ranges.
+        """
+        if not 0.0 < count_scale < float("inf"):
+            raise InputError(f"count scale: found {count_scale}, must be a positive number")
+        values = self.model_dump(exclude_unset=True)
+        if seed is not None:
+            values["seed"] = seed
+        for bodies in values["bodies"]:
+            bodies["count"] = max(1, round(bodies["count"] * count_scale))
+            if fidelity is not None:
+                bodies["fidelity"] = fidelity
+        try:
+            scene = Scene(**values)
+        except ValidationError as error:
+            raise InputError(f"{self._name}: {first_error(error)}") from error
+        scene._name, scene._folder, scene._text = self._name, self._folder, self._text
+        return scene
+
+    @property
+    def name(self) -> str:
+        """Name of the scene file without its ending."""
+        return self._name
+
+    @property
+    def folder(self) -> Path:
+        """Where its mesh files are looked up."""
+        return self._folder
+
+    @property
+    def text(self) -> str:
+        """The TOML it was read from, empty for a scene made in Python."""
+        return self._text
+
+    @property
+    def frame_count(self) -> int:
+        """Number of frames, the initial state included."""
+        return round(self.duration * self.fps)
+
+    @property
+    def body_count(self) -> int:
+        """Number of bodies of all kinds."""
+        return sum(bodies.count for bodies in self.bodies)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of everything the scene says, defaults included."""
+        return hashlib.sha256(self.model_dump_json().encode()).hexdigest()
+
+    def make_fluid(self) -> Fluid:
+        """The fluid it names."""
+        if isinstance(self.fluid, str):
+            return PRESETS[self.fluid]
+        return Fluid(self.fluid.density, self.fluid.kinematic_viscosity)
+
+    def make_turbulence(self) -> HomogeneousTurbulence:
+        """The turbulence it describes."""
+        if isinstance(self.turbulence, HomogeneousTable):
+            return HomogeneousTurbulence(self.turbulence.k, self.turbulence.epsilon)
+        return STILL
+
+
+def builtin_scenes() -> dict[str, Path]:
+    """Names and files of the scenes that come with the package."""
+    folder = resources.files("warp_immersed.scenes")
+    return {Path(str(entry)).stem: Path(str(entry)) for entry in folder.iterdir() if entry.name.endswith(".toml")}
+
+
+def all_keys() -> list[str]:
+    """Every key that some table of the scene file knows."""
+    tables = [
+        Scene, FluidTable, WindTable, HomogeneousTable, GroundTable, BodiesTable, ShapeTable, BoxEmitter, DiskEmitter, PointsEmitter
+    ]  # fmt: skip
+    return sorted({key for table in tables for key in table.model_fields})
+
+
+def first_error(error: ValidationError) -> str:
+    """The most telling of pydantic's errors in one line: key, what was found, what would be right."""
+    # a misspelt key also shows as a missing one; of a union's alternatives the one that got furthest was meant
+    detail: Any = max(error.errors(), key=lambda e: (e["type"] == "extra_forbidden", len(e["loc"])))
+    tags = {"box", "disk", "points", "none", "homogeneous"}
+    path = ""
+    for part in detail["loc"]:
+        if isinstance(part, int):
+            path += f"[{part}]"
+        elif part not in tags and part.isidentifier() and part[0].islower():
+            path += f".{part}" if path else part
+    message = detail["msg"].removeprefix("Value error, ").removeprefix("Input ")
+    if detail["type"] == "extra_forbidden":
+        return f"{path}: unknown key{near(str(detail['loc'][-1]), all_keys())}"
+    if detail["type"] == "missing":
+        return f"{path}: missing"
+    if detail["type"] == "union_tag_not_found":
+        return f"{path}.kind: missing"
+    if detail["type"] == "union_tag_invalid":
+        return f"{path}.kind: found {detail['ctx']['tag']!r}, should be one of {detail['ctx']['expected_tags']}"
+    if detail["type"] == "value_error":
+        return f"{path}: {message}" if path else message
+    shown = repr(detail["input"])
+    return f"{path}: found {shown if len(shown) < 80 else shown[:77] + '...'}, {message}"

@@ -1,0 +1,257 @@
+"""`simulate`: the one place that ties a scene, its bodies, a device and the files together."""
+
+import platform
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import warp as wp
+
+from warp_immersed.added_mass import kirchhoff_tensor
+from warp_immersed.body_model import BodyModel, body_model
+from warp_immersed.counter_random import random_key
+from warp_immersed.device_state import Group, Surroundings
+from warp_immersed.emitters import emit, lowest_start
+from warp_immersed.ensemble import FAILED, Ensemble, Frame
+from warp_immersed.errors import InputError
+from warp_immersed.fidelity import Level, resolve
+from warp_immersed.recording import DATASETS, Prototype, Recording
+from warp_immersed.scene import BodiesTable, Scene
+from warp_immersed.shape import Shape
+from warp_immersed.shape_table import make_shape
+from warp_immersed.version import __version__
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of body of a scene, ready to be simulated."""
+
+    table: BodiesTable
+    shape: Shape
+    model: BodyModel
+    level: Level
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A scene with its shapes made and its models worked out."""
+
+    scene: Scene
+    kinds: tuple[Kind, ...]
+    surroundings: Surroundings
+    notes: tuple[str, ...]
+
+    @property
+    def prototypes(self) -> tuple[Prototype, ...]:
+        """How the kinds look."""
+        return tuple(Prototype.from_shape(kind.table.name, kind.table.count, kind.shape) for kind in self.kinds)
+
+
+class FrameSink(Protocol):
+    """Where frames go as they are computed."""
+
+    def write(self, frame: Frame) -> None:
+        """Take the next frame; its arrays are valid during the call only."""
+
+    def finish(self) -> None:
+        """All frames have come: make the result whole."""
+
+    def abort(self) -> None:
+        """Leave nothing behind."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended: frames written; body_steps taken; ids of failed bodies; whether it was interrupted."""
+
+    frames: int
+    body_steps: int
+    failed: tuple[int, ...]
+    interrupted: bool
+
+
+def plan(scene: Scene) -> Plan:
+    """Make the shapes of a scene and work out how its bodies move.
+
+    Raises:
+        InputError: a mesh or size cannot be used, or bodies would start in the ground; the message starts with the key.
+    """
+    fluid = scene.make_fluid()
+    ground = None if scene.ground is None else scene.ground.height
+    surroundings = Surroundings(
+        fluid=fluid,
+        gravity=scene.gravity,
+        mean_wind=scene.wind.velocity if scene.wind else (0.0, 0.0, 0.0),
+        turbulence=scene.make_turbulence(),
+        ground_height=ground,
+    )
+    kinds, notes = [], []
+    for index, table in enumerate(scene.bodies):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            try:
+                shape = make_shape(table.shape, table.density, table.thickness, scene.folder)
+            except InputError as error:
+                raise InputError(f"{scene.name}.toml: bodies[{index}].{error}") from error
+        notes += [f"{table.name}: {warning.message}" for warning in caught]
+        if table.color is not None:
+            shape = shape.colored(table.color)
+        if ground is not None:
+            check_clearance(scene, index, shape, ground, fluid.density)
+        model = body_model(shape, fluid, kirchhoff_tensor(shape, fluid), float(np.linalg.norm(scene.gravity)))
+        kinds.append(Kind(table, shape, model, resolve(table.fidelity)))
+    return Plan(scene, tuple(kinds), surroundings, tuple(notes))
+
+
+def check_clearance(scene: Scene, index: int, shape: Shape, ground: float, fluid_density: float) -> None:
+    """Refuse an emitter that would start bodies in the ground."""
+    table = scene.bodies[index]
+    lowest = lowest_start(table.emitter)
+    if lowest - shape.bounding_radius < ground:
+        effect = ""
+        if fluid_density * shape.volume > shape.mass:
+            effect = f", and being lighter than the fluid ({shape.mass / shape.volume:.4g} < {fluid_density:.4g} kg/m^3) be thrown out of it"
+        raise InputError(
+            f"{scene.name}.toml: bodies[{index}].emitter: {table.name} would start in the ground{effect}: its centres reach down to "
+            f"y = {lowest:.4g} m and it reaches {shape.bounding_radius:.4g} m from its centre; "
+            f"raise the emitter by {ground - lowest + shape.bounding_radius:.3g} m"
+        )
+
+
+def choose_device(name: str | None) -> wp.Device:
+    """The device named, or CUDA if there is one, else the CPU.
+
+    Raises:
+        InputError: there is no such device.
+    """
+    if name is None:
+        return wp.get_device("cuda:0" if wp.is_cuda_available() else "cpu")
+    try:
+        return wp.get_device(name)
+    except (ValueError, RuntimeError) as error:
+        there = ", ".join(device.alias for device in wp.get_devices())
+        raise InputError(f"device {name!r}: no such device here; there is {there}") from error
+
+
+def ensemble_of(plan: Plan, device: Any = "cpu", threads: int | None = None) -> Ensemble:
+    """The bodies of a plan on a device."""
+    groups = []
+    for kind in plan.kinds:
+        key = random_key(kind.table.name)
+        groups.append(Group(kind.model, emit(kind.table.emitter, kind.table.count, plan.scene.seed, key), key))
+    return Ensemble(groups, plan.surroundings, plan.scene.fps, device, plan.scene.seed, threads)
+
+
+def manifest_of(plan: Plan, device: wp.Device) -> dict[str, Any]:
+    """Where a result comes from: enough to make it again. Holds no time of day, so that equal runs give equal files."""
+    return {
+        "version": __version__,
+        "warp": wp.__version__,
+        "platform": f"{platform.system()} {platform.machine()}",
+        "device": device.name,
+        "scene": plan.scene.name,
+        "scene_digest": plan.scene.digest,
+        "scene_text": plan.scene.text,
+        "seed": plan.scene.seed,
+        "fidelity": ", ".join(f"{kind.table.name}: {kind.level}" for kind in plan.kinds),
+    }
+
+
+def run(
+    ensemble: Ensemble, frames: int, sinks: Sequence[FrameSink], report: Callable[[int, int], None] | None = None
+) -> Outcome:
+    """Simulate and hand every frame to the sinks; after Ctrl-C they are finished with the frames there are.
+
+    report: called with (frames done, body_steps) after each frame. On any other exception the sinks are aborted.
+    """
+    done, body_steps, interrupted = 0, 0, False
+    failed = np.zeros(0, dtype=np.int64)
+    try:
+        try:
+            for frame in ensemble.frames(frames):
+                for sink in sinks:
+                    sink.write(frame)
+                done, body_steps = done + 1, frame.body_steps
+                failed = np.flatnonzero(frame.state == FAILED)
+                if report is not None:
+                    report(done, body_steps)
+        except KeyboardInterrupt:
+            interrupted = True
+            if done == 0:
+                raise
+        for sink in sinks:
+            sink.finish()
+    except BaseException:
+        for sink in sinks:
+            sink.abort()
+        raise
+    finally:
+        ensemble.close()
+    return Outcome(done, body_steps, tuple(failed.tolist()), interrupted)
+
+
+class MemorySink:
+    """Keeps all frames in memory."""
+
+    def __init__(self, frames: int, bodies: int):
+        shapes = {"positions": (3,), "orientations": (4,), "velocities": (3,), "angular_velocities": (3,), "state": ()}
+        self.arrays = {
+            name: np.empty((frames, bodies, *shape), dtype=np.uint8 if name == "state" else np.float32)
+            for name, shape in shapes.items()
+        }
+        self.times: list[float] = []
+        self.body_steps = 0
+
+    def write(self, frame: Frame) -> None:
+        """Copy a frame."""
+        for name in DATASETS:
+            self.arrays[name][len(self.times)] = getattr(frame, name)
+        self.times.append(frame.time)
+        self.body_steps = frame.body_steps
+
+    def finish(self) -> None:
+        """Drop the room for frames that did not come."""
+        self.arrays = {name: array[: len(self.times)] for name, array in self.arrays.items()}
+
+    def abort(self) -> None:
+        """Nothing to undo."""
+
+
+def simulate(
+    scene: Scene | str | Path,
+    device: str | None = None,
+    seed: int | None = None,
+    progress: bool = False,
+    threads: int | None = None,
+) -> Recording:
+    """Simulate a scene (or its name or path) and keep all frames in memory.
+
+    device: "cpu", "cuda:0", ...; by default CUDA if there is one. seed: replaces the scene's. progress: show a progress
+    bar. threads: CPU threads, which do not change the result. Ctrl-C returns the frames there are.
+
+    Raises:
+        InputError: the scene cannot be used, or there is no such device.
+    """
+    from warp_immersed.progress import progress_of
+
+    if not isinstance(scene, Scene):
+        scene = Scene.load(scene)
+    if seed is not None:
+        scene = scene.changed(seed=seed)
+    planned = plan(scene)
+    where = choose_device(device)
+    sink = MemorySink(scene.frame_count, scene.body_count)
+    ensemble = ensemble_of(planned, where, threads)
+    with progress_of(scene.frame_count, shown=progress) as report:
+        run(ensemble, scene.frame_count, [sink], report)
+    return Recording(
+        times=np.array(sink.times),
+        body_steps=sink.body_steps,
+        fps=scene.fps,
+        prototypes=planned.prototypes,
+        manifest=manifest_of(planned, where),
+        **sink.arrays,
+    )
