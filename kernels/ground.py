@@ -39,7 +39,7 @@ def toppling_vector(kind: Any, rests: wp.array(dtype=Any), orientation: Any):
     vector = up - up
     if kind.rest_count > 0:
         down = wp.quat_rotate_inv(orientation, -up)
-        best = int(0)
+        best = wp.int32(0)
         for i in range(1, kind.rest_count):
             if wp.dot(down, rests[kind.first_rest + i]) > wp.dot(down, rests[kind.first_rest + best]):
                 best = i

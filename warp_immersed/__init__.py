@@ -1,29 +1,52 @@
 """Immersed rigid bodies that fall, drift and tumble: Kirchhoff equations with a Langevin model of turbulence, on NVIDIA Warp."""
 
+import importlib as _importlib
 import pathlib as _pathlib
+from typing import TYPE_CHECKING, Any
 
 _here = _pathlib.Path(__file__).parent
 if not (_here / "kernels").is_dir() and (_here.parent / "kernels" / "__init__.py").is_file():
     __path__.append(str(_here.parent))  # source checkout: kernels/ and scenes/ sit beside this package
 
-from warp_immersed import library
-from warp_immersed.added_mass import kirchhoff_tensor
-from warp_immersed.errors import InputError, MeshRepairWarning
-from warp_immersed.fluid import AIR, WATER, Fluid
-from warp_immersed.mass_properties import PointMass
-from warp_immersed.recording import Recording
-from warp_immersed.scene import Scene
-from warp_immersed.shape import Shape
-from warp_immersed.simulate import simulate
-from warp_immersed.turbulence import HomogeneousTurbulence
-from warp_immersed.version import __version__
+if TYPE_CHECKING:
+    from warp_immersed import library
+    from warp_immersed.added_mass import kirchhoff_tensor
+    from warp_immersed.errors import InputError, MeshRepairWarning
+    from warp_immersed.fluid import AIR, WATER, Fluid
+    from warp_immersed.mass_properties import PointMass
+    from warp_immersed.recording import Recording
+    from warp_immersed.scene import Scene
+    from warp_immersed.shape import Shape
+    from warp_immersed.simulate import simulate
+    from warp_immersed.turbulence import HomogeneousTurbulence
+    from warp_immersed.usd import export_usd
+    from warp_immersed.version import __version__
+
+# Where each public name lives. They are imported on first use, so that the command line starts fast.
+_HOMES = {
+    "AIR": "fluid",
+    "WATER": "fluid",
+    "Fluid": "fluid",
+    "HomogeneousTurbulence": "turbulence",
+    "InputError": "errors",
+    "MeshRepairWarning": "errors",
+    "PointMass": "mass_properties",
+    "Recording": "recording",
+    "Scene": "scene",
+    "Shape": "shape",
+    "__version__": "version",
+    "export_usd": "usd",
+    "kirchhoff_tensor": "added_mass",
+    "simulate": "simulate",
+}
 
 
-def export_usd(recording: Recording, path: str | _pathlib.Path) -> None:
-    """Write a recording to a USD file (.usdc, .usda or .usd); see `warp_immersed.usd`."""
-    from warp_immersed.usd import export_usd as write
-
-    write(recording, path)
+def __getattr__(name: str) -> Any:
+    if name == "library":
+        return _importlib.import_module("warp_immersed.library")
+    if name in _HOMES:
+        return getattr(_importlib.import_module(f"warp_immersed.{_HOMES[name]}"), name)
+    raise AttributeError(f"module 'warp_immersed' has no attribute {name!r}")
 
 
 __all__ = [

@@ -3,11 +3,12 @@
 import sys
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from warp_immersed.errors import InputError
+from warp_immersed.fidelity import Fidelity
 
 FAILURE, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
@@ -31,7 +32,7 @@ def run(
     device: DeviceOption = None,
     seed: Annotated[int | None, typer.Option(help="Replaces the scene's seed.")] = None,
     count_scale: Annotated[float, typer.Option(help="Multiplies the number of bodies of every kind.")] = 1.0,
-    fidelity: Annotated[str | None, typer.Option(help="auto or quasi_steady, for all bodies.")] = None,
+    fidelity: Annotated[Fidelity | None, typer.Option(help="Body model, for all bodies.")] = None,
     threads: Annotated[int | None, typer.Option(min=1, help="CPU threads; they do not change the result.")] = None,
     progress: Annotated[bool, typer.Option(help="Show progress.")] = True,
 ) -> None:
@@ -144,7 +145,7 @@ def check_output(path: Path, frames: int, bodies: int) -> None:
         raise InputError(f"output {str(path)!r}: needs about {needed / 1e6:.0f} MB, the disk has {free / 1e6:.0f} MB left")
 
 
-def open_sink(path: Path, prototypes: tuple, fps: float, manifest: dict):  # type: ignore[no-untyped-def, type-arg]
+def open_sink(path: Path, prototypes: tuple[Any, ...], fps: float, manifest: dict[str, Any]) -> Any:
     """The writer for a path's ending."""
     if path.suffix == ".h5":
         from warp_immersed.recording import RecordingWriter

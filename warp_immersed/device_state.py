@@ -124,7 +124,7 @@ def allocate(
         evolving=[
             wp.full(bodies, WAITING, dtype=wp.uint8, device=device),
             array(rounded, vec3),
-            array(emission.positions - rounded, vec3),
+            array(emission.positions - rounded.astype(np.float64), vec3),
             array(emission.orientations, quaternion),
             array(emission.velocities, vec3),
             array(emission.angular_velocities, vec3),

@@ -139,6 +139,15 @@ class Ensemble:
         )
 
     def _frame(self, index: int, outputs: Outputs) -> Frame:
-        *arrays, substeps = (array.numpy() for array in outputs.values())
-        self._body_steps += int(substeps.sum(dtype=np.int64))
-        return Frame(index, index / self._fps, *arrays, body_steps=self._body_steps)
+        arrays = {name.removesuffix("_out"): array.numpy() for name, array in outputs.items()}
+        self._body_steps += int(arrays["substeps"].sum(dtype=np.int64))
+        return Frame(
+            index=index,
+            time=index / self._fps,
+            positions=arrays["position"],
+            orientations=arrays["orientation"],
+            velocities=arrays["velocity"],
+            angular_velocities=arrays["angular_velocity"],
+            state=arrays["state"],
+            body_steps=self._body_steps,
+        )

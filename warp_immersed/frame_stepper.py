@@ -6,6 +6,7 @@ Both steppers keep two sets of output buffers, so that one frame can be written 
 import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
 
 import warp as wp
 
@@ -17,7 +18,7 @@ SLICES_PER_THREAD = 4
 
 Outputs = Mapping[str, wp.array]
 # Launches (or records) the frame kernel for bodies first ... first + count - 1 into one set of outputs.
-LaunchFrame = Callable[[int, int, Outputs, bool], "wp.Launch | None"]
+LaunchFrame = Callable[[int, int, Outputs, bool], Any]
 
 
 def available_threads() -> int:

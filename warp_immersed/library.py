@@ -109,7 +109,8 @@ def leaf(
     mesh = outline_mesh(outline, spacing=0.055)
     x, y = mesh.vertices[:, 0].copy(), mesh.vertices[:, 1].copy()
     along = np.clip(y, 0.0, None)
-    mesh.vertices[:, 2] = trough * np.sqrt(x**2 + 1e-3) - droop * along**2 + 0.25 * np.clip(-y, 0.0, None) ** 2 / max(petiole, 0.1)
+    bend = 0.25 * np.clip(-y, 0.0, None) ** 2 / max(petiole, 0.1)
+    mesh.vertices[:, 2] = trough * np.sqrt(x**2 + 1e-3) - droop * along**2 + bend
     stem = mesh.triangles[:, :, 1].mean(axis=1) < 0.0
     stem &= np.abs(mesh.triangles[:, :, 0]).max(axis=1) < 1.5 * half_width
     mesh.apply_scale(length)

@@ -75,7 +75,8 @@ def closed_integrals(triangles: Array) -> VolumeIntegrals:
     origin = triangles.reshape(-1, 3).mean(axis=0)
     size = np.abs(triangles - origin).max()  # trimesh compares volumes with an absolute tolerance: hand it unit size
     solid = trimesh.triangles.mass_properties((triangles - origin) / size, density=1.0)
-    second = np.trace(solid.inertia) / 2.0 * np.eye(3) - solid.inertia
+    inertia = np.asarray(solid.inertia, dtype=np.float64)
+    second = np.trace(inertia) / 2.0 * np.eye(3) - inertia
     return VolumeIntegrals(float(solid.volume * size**3), origin + size * np.asarray(solid.center_mass), second * size**5)
 
 

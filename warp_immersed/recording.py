@@ -116,10 +116,9 @@ class Recording:
             with h5py.File(path, "r") as file:
                 if file.attrs.get("schema") != SCHEMA:
                     raise InputError(f"recording {str(path)!r}: an HDF5 file, but not a recording of warp-immersed")
-                if file.attrs["schema_version"] != SCHEMA_VERSION:
-                    raise InputError(
-                        f"recording {str(path)!r}: schema version {file.attrs['schema_version']}, this program reads {SCHEMA_VERSION}"
-                    )
+                found = file.attrs["schema_version"]
+                if found != SCHEMA_VERSION:
+                    raise InputError(f"recording {str(path)!r}: schema version {found}, this program reads {SCHEMA_VERSION}")
                 return Recording(
                     times=file["times"][:],
                     body_steps=int(file.attrs["body_steps"]),
@@ -145,7 +144,8 @@ class RecordingWriter:
         bodies = sum(prototype.count for prototype in prototypes)
         shapes = {"positions": (bodies, 3), "orientations": (bodies, 4), "state": (bodies,)}
         self._file = h5py.File(self._partial, "w", libver="latest", track_order=True)
-        self._file.attrs.update({"schema": SCHEMA, "schema_version": SCHEMA_VERSION, "fps": fps, "manifest": json.dumps(manifest)})
+        self._file.attrs.update({"schema": SCHEMA, "schema_version": SCHEMA_VERSION, "fps": fps})
+        self._file.attrs["manifest"] = json.dumps(manifest)
         for name, (units, long_name) in DATASETS.items():
             shape = shapes.get(name, (bodies, 3))
             dtype = np.uint8 if name == "state" else np.float32

@@ -100,7 +100,8 @@ class Scene(Table):
             if names.count(name) > 1:
                 raise ValueError(f"bodies: two kinds are called {name!r}; names must differ")
         if self.frame_count < 1:
-            raise ValueError(f"duration: {self.duration} s at {self.fps} fps makes no frame; it must be at least {1 / self.fps:.3g} s")
+            shortest = 1.0 / self.fps
+            raise ValueError(f"duration: {self.duration} s at {self.fps} fps makes no frame; at least {shortest:.3g} s is needed")
         return self
 
     @classmethod
@@ -217,8 +218,9 @@ def builtin_scenes() -> dict[str, Path]:
 
 def all_keys() -> list[str]:
     """Every key that some table of the scene file knows."""
-    tables = [
-        Scene, FluidTable, WindTable, HomogeneousTable, GroundTable, BodiesTable, ShapeTable, BoxEmitter, DiskEmitter, PointsEmitter
+    tables: list[type[BaseModel]] = [
+        Scene, FluidTable, WindTable, HomogeneousTable, GroundTable, BodiesTable, ShapeTable,
+        BoxEmitter, DiskEmitter, PointsEmitter,
     ]  # fmt: skip
     return sorted({key for table in tables for key in table.model_fields})
 

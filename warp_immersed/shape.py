@@ -145,7 +145,7 @@ def load_mesh(mesh: str | Path | trimesh.Trimesh) -> trimesh.Trimesh:
     try:
         loaded = trimesh.load_mesh(path)
     except Exception as error:  # trimesh readers raise whatever they stumble on
-        raise InputError(f"mesh {str(mesh)!r}: cannot be read ({str(error).splitlines()[0] if str(error) else error!r})") from error
+        raise InputError(f"mesh {str(mesh)!r}: cannot be read ({str(error) or repr(error)})") from error
     if not isinstance(loaded, trimesh.Trimesh):
         raise InputError(f"mesh {str(mesh)!r}: holds no triangles, only {type(loaded).__name__}")
     return loaded
@@ -157,9 +157,8 @@ def prepare_mesh(mesh: trimesh.Trimesh, name: str, thickness: Array | None) -> t
         raise InputError(f"{name}: has no faces, must be a triangle mesh")
     if not np.isfinite(mesh.vertices).all():
         raise InputError(f"{name}: has vertices that are not finite numbers")
-    if thickness is not None and thickness.ndim:
-        if thickness.shape != (len(mesh.faces),):
-            raise InputError(f"thickness: found shape {thickness.shape}, must be one number or one per face ({len(mesh.faces)},)")
+    if thickness is not None and thickness.ndim and thickness.shape != (len(mesh.faces),):
+        raise InputError(f"thickness: found shape {thickness.shape}, must be one number or ({len(mesh.faces)},), one a face")
     mesh.merge_vertices()
     good = mesh.area_faces > 1e-14 * np.ptp(mesh.vertices, axis=0).max() ** 2
     if not good.all():

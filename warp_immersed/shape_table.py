@@ -109,9 +109,8 @@ def make_shape(table: ShapeTable, density: float | None, thickness: float | None
         shape = Shape.from_mesh(path, density, thickness, ballast, table.scale)
     radius = shape.bounding_radius
     if radius > LARGEST_RADIUS:
-        raise InputError(f"shape: found a body {2 * radius:.4g} m across, must be below {2 * LARGEST_RADIUS:g} m; lengths are in metres")
-    if shape.thickness is not None and shape.thickness > 2.0 * shape.semi_axes[1]:
-        raise InputError(
-            f"thickness: found {shape.thickness:.4g} m on a sheet {2 * shape.semi_axes[1]:.4g} m wide; it must be thinner than wide, in metres"
-        )
+        raise InputError(f"shape: found a body {2 * radius:.4g} m across, must be below {2 * LARGEST_RADIUS:g} m (metres!)")
+    width = 2.0 * shape.semi_axes[1]
+    if shape.thickness is not None and shape.thickness > width:
+        raise InputError(f"thickness: found {shape.thickness:.4g} m on a sheet {width:.4g} m wide, must be less (metres!)")
     return shape

@@ -111,12 +111,12 @@ def check_clearance(scene: Scene, index: int, shape: Shape, ground: float, fluid
     table = scene.bodies[index]
     lowest = lowest_start(table.emitter)
     if lowest - shape.bounding_radius < ground:
-        effect = ""
-        if fluid_density * shape.volume > shape.mass:
-            effect = f", and being lighter than the fluid ({shape.mass / shape.volume:.4g} < {fluid_density:.4g} kg/m^3) be thrown out of it"
+        effect, density = "", shape.mass / shape.volume
+        if density < fluid_density:
+            effect = f", and lighter than the fluid ({density:.4g} < {fluid_density:.4g} kg/m^3) be thrown out of it"
         raise InputError(
-            f"{scene.name}.toml: bodies[{index}].emitter: {table.name} would start in the ground{effect}: its centres reach down to "
-            f"y = {lowest:.4g} m and it reaches {shape.bounding_radius:.4g} m from its centre; "
+            f"{scene.name}.toml: bodies[{index}].emitter: {table.name} would start in the ground{effect}: its centres reach "
+            f"down to y = {lowest:.4g} m and it reaches {shape.bounding_radius:.4g} m from its centre; "
             f"raise the emitter by {ground - lowest + shape.bounding_radius:.3g} m"
         )
 

@@ -54,7 +54,8 @@ def describe_scene(plan: Plan) -> list[str]:
     scene, surroundings = plan.scene, plan.surroundings
     gravity = float(np.linalg.norm(surroundings.gravity))
     lines = [
-        f"{scene.name}: {scene.duration:g} s at {scene.fps:g} fps = {scene.frame_count} frames, {scene.body_count} bodies, seed {scene.seed}",
+        f"{scene.name}: {scene.duration:g} s at {scene.fps:g} fps = {scene.frame_count} frames, {scene.body_count} bodies, "
+        f"seed {scene.seed}",
         f"fluid: {surroundings.fluid.density:g} kg/m^3, {surroundings.fluid.kinematic_viscosity:.3g} m^2/s; "
         f"mean wind {np.linalg.norm(surroundings.mean_wind):.3g} m/s",
     ]
