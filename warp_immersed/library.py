@@ -147,7 +147,8 @@ def paper_airplane(length: float = 0.28, span: float = 0.20, thickness: float = 
     for _ in range(4):
         mesh = mesh.subdivide()
     x, y, z = mesh.vertices.T
-    uv = np.column_stack([(x + 0.5 * length) / length, (y - z + 0.5 * span) / length])
+    across = y - z
+    uv = np.column_stack([x + 0.5 * length, across - across.min()]) / max(length, np.ptp(across))
     mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, visual=trimesh.visual.TextureVisuals(uv=uv), process=False)
     center = mesh.triangles.mean(axis=1)
     layers = np.where(np.abs(center[:, 1]) < 1e-9, 4.0, np.where(np.abs(center[:, 1]) < span / 8.0, 3.0, 1.0))

@@ -101,7 +101,10 @@ class Shape:
         name = mesh.name if isinstance(mesh, Path) else (Path(mesh).name if isinstance(mesh, str) else "mesh")
         require_positive("density", density)
         require_positive("scale", scale)
-        faces_thickness = None if thickness is None else np.asarray(thickness, dtype=np.float64)
+        try:
+            faces_thickness = None if thickness is None else np.asarray(thickness, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"thickness: found {thickness!r}, must be positive numbers [m]") from error
         if faces_thickness is not None and not (np.isfinite(faces_thickness).all() and (faces_thickness > 0.0).all()):
             raise InputError(f"thickness: found {thickness!r}, must be positive [m]")
         surface, faces_thickness = prepare_mesh(load_mesh(mesh), name, faces_thickness)
