@@ -56,10 +56,12 @@ def quasi_steady_load(kind: Any, velocity: Any, angular_velocity: Any, lift: Any
     force = acting - drag * local - wp.cw_mul(kind.drag_linear, local)
     spin = wp.length(angular_velocity)
     damping = kind.damping_linear + speed * kind.damping_speed + spin * kind.damping_spin
+    roll = kind.damping_roll * (angular_velocity[0] * local[0] + angular_velocity[1] * local[1]) * inverse_speed
     cut = kind.munk_cut_edge + kind.munk_cut_swing * square[2] * inverse_squared
     torque = (
         wp.cross(kind.pressure_center, force)
         - wp.cw_mul(damping, angular_velocity)
+        - type(local)(roll * local[0], roll * local[1], type(speed)(0.0))
         - cut * wp.cross(kind.linear_inertia * local, local)
     )
     return force, torque, lift_rate

@@ -42,6 +42,7 @@ def _structs(real):
         damping_linear: vec3  # [m^2/s]
         damping_speed: vec3  # [m]
         damping_spin: vec3  # [m^2]
+        damping_roll: real  # of the spin about the direction of flight [m]
         # fastest rates, for the substep rule: linear + root * V^(1/2) + speed * V + spin * |w|
         rate_linear: real  # [1/s]
         rate_root: real  # [1/(m s)^(1/2)]

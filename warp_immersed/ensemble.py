@@ -72,6 +72,7 @@ class Ensemble:
         emissions = [group.emission for group in groups]
         self._initial = Emission(*(np.concatenate([getattr(e, name) for e in emissions]) for name in vars(emissions[0])))
         self._fps = fps
+        self._real = np.dtype(precision)
         self._device = wp.get_device(device)
         self._state = allocate(groups, self._initial, surroundings, fps, seed, self._device, precision)
         if self._device.is_cpu:
@@ -125,15 +126,15 @@ class Ensemble:
         )
 
     def _initial_frame(self) -> Frame:
-        start = self._initial
+        start, real = self._initial, self._real
         moving = start.release_times <= 0.0
         return Frame(
             index=0,
             time=0.0,
-            positions=start.positions.astype(np.float32),
-            orientations=start.orientations.astype(np.float32),
-            velocities=np.where(moving[:, None], start.velocities, 0.0).astype(np.float32),
-            angular_velocities=np.where(moving[:, None], start.angular_velocities, 0.0).astype(np.float32),
+            positions=start.positions.astype(real),
+            orientations=start.orientations.astype(real),
+            velocities=np.where(moving[:, None], start.velocities, 0.0).astype(real),
+            angular_velocities=np.where(moving[:, None], start.angular_velocities, 0.0).astype(real),
             state=np.where(moving, MOVING, WAITING).astype(np.uint8),
             body_steps=0,
         )

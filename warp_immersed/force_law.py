@@ -30,6 +30,9 @@ MUNK_CUT_BROADSIDE = 0.961
 DAMPING_BY_SPEED = 0.038
 DAMPING_BY_SPIN = 0.025
 DAMPING_VISCOUS = 1.636  # times the Stokes torque about a diameter
+# Spin about the direction of flight, from slender-wing theory: C_lp = -pi AR / 32 (R. T. Jones, NACA Report 835, 1946).
+# Without it a tumbling disk comes to fall along its own axis, edge-on and twice too fast.
+ROLL_DAMPING = np.pi / 8.0
 YAW_DAMPING_BY_SPEED = 0.02
 YAW_DAMPING_BY_SPIN = 0.01
 # Broadside at Re < 133: C_D = 64 / (pi Re) + 3.157 / Re^(1/2) + 0.742, times the ratio of BROADSIDE_DRAG to the 1.17
@@ -49,7 +52,7 @@ class LoadCoefficients:
     pressure_center (3,) [m] from the centre of mass; drag_linear (3,) [kg/s], drag_root (3,) [kg/(m s)^(1/2)],
     drag_quadratic (3,) [kg/m], drag_broadside [kg/m]; lift [kg/m], circulation (3,) [kg], lift_onset_cubed [m^3/s^3], lift_lag
     [1/m]; munk_cut_edge and munk_cut_swing [1]; damping_linear (3,) [kg m^2/s], damping_speed (3,) [kg m], damping_spin
-    (3,) [kg m^2].
+    (3,) [kg m^2], damping_roll [kg m].
     """
 
     pressure_center: Array
@@ -66,6 +69,7 @@ class LoadCoefficients:
     damping_linear: Array
     damping_speed: Array
     damping_spin: Array
+    damping_roll: float
 
 
 def stokes_resistance(semi_axes: ArrayLike, dynamic_viscosity: float) -> tuple[Array, Array]:
@@ -126,4 +130,5 @@ def quasi_steady_coefficients(shape: Shape, fluid: Fluid) -> LoadCoefficients:
         damping_linear=stokes_torque * (plate * viscous + compact),
         damping_speed=rho * (flap * DAMPING_BY_SPEED * np.array([a * b**3, b * a**3, 0.0]) + YAW_DAMPING_BY_SPEED * yaw),
         damping_spin=rho * (flap * DAMPING_BY_SPIN * np.array([a * b**4, b * a**4, 0.0]) + YAW_DAMPING_BY_SPIN * yaw * radius),
+        damping_roll=rho * plate * ROLL_DAMPING * a**2 * b**2,
     )
