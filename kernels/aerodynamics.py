@@ -21,7 +21,7 @@ SMALLEST_SPEED = wp.constant(1.0e-9)
 @wp.func
 def quasi_steady_load(kind: Any, velocity: Any, angular_velocity: Any, lift: Any):
     """Force and torque about the centre of mass for a body that moves with (velocity, angular_velocity) through the air
-    and carries the circulatory lift `lift`; and the rate of change of that lift."""
+    and carries the circulatory lift `lift`; the rate of change of that lift; and its speed and spin."""
     local = velocity + wp.cross(angular_velocity, kind.pressure_center)
     square = wp.cw_mul(local, local)
     speed_squared = square[0] + square[1] + square[2]
@@ -62,17 +62,13 @@ def quasi_steady_load(kind: Any, velocity: Any, angular_velocity: Any, lift: Any
         wp.cross(kind.pressure_center, force)
         - wp.cw_mul(damping, angular_velocity)
         - type(local)(roll * local[0], roll * local[1], type(speed)(0.0))
-        - cut * wp.cross(kind.linear_inertia * local, local)
+        - cut * wp.cross(wp.cw_mul(kind.munk_mass, local), local)
     )
-    return force, torque, lift_rate
+    return force, torque, lift_rate, speed, spin
 
 
 @wp.func
-def fastest_rate(kind: Any, velocity: Any, angular_velocity: Any, gust: Any):
-    """Fastest rate [1/s] at which the body's state can change, for the substep rule.
-
-    gust: change of the seen wind [m/s] that the coming interval will bring.
-    """
-    speed = wp.length(velocity + wp.cross(angular_velocity, kind.pressure_center)) + gust
+def fastest_rate(kind: Any, speed: Any, spin: Any):
+    """Fastest rate [1/s] at which the state of a body with this speed and spin can change, for the substep rule."""
     moving = kind.rate_linear + kind.rate_root * wp.sqrt(speed) + kind.rate_speed * speed
-    return wp.max(moving, kind.rate_start) + kind.rate_spin * wp.length(angular_velocity)
+    return wp.max(moving, kind.rate_start) + kind.rate_spin * spin

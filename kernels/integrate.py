@@ -39,11 +39,11 @@ MOST_SUBSTEPS = 20000
 
 @wp.func
 def state_rates(kind: Any, momentum: Any, angular_momentum: Any, orientation: Any, lift: Any, gravity: Any):
-    """dp/dt, dl/dt, dL/dt, the relative velocity and the angular velocity; gravity in world axes, less the seen air's
-    acceleration."""
+    """dp/dt, dl/dt, dL/dt, the relative velocity and the angular velocity, speed and spin; gravity in world axes,
+    less the acceleration of the seen air."""
     velocity, angular_velocity = velocities(kind, momentum, angular_momentum)
     inertial, inertial_moment = kirchhoff_rates(momentum, angular_momentum, velocity, angular_velocity)
-    load, load_moment, lift_rate = quasi_steady_load(kind, velocity, angular_velocity, lift)
+    load, load_moment, lift_rate, speed, spin = quasi_steady_load(kind, velocity, angular_velocity, lift)
     weight, weight_moment = buoyant_load(kind, wp.quat_rotate_inv(orientation, gravity))
     return (
         inertial + load + weight,
@@ -51,6 +51,8 @@ def state_rates(kind: Any, momentum: Any, angular_momentum: Any, orientation: An
         lift_rate,
         velocity,
         angular_velocity,
+        speed,
+        spin,
     )
 
 
@@ -69,15 +71,15 @@ def runge_kutta_4(
     dq1 = orientation_rate(q, w)
     dx = wp.quat_rotate(q, r) * sixth
     q_stage = q + dq1 * half
-    dp2, dl2, da2, r, w = state_rates(kind, p + dp1 * half, l + dl1 * half, q_stage, lift + da1 * half, gravity)
+    dp2, dl2, da2, r, w, speed, spin = state_rates(kind, p + dp1 * half, l + dl1 * half, q_stage, lift + da1 * half, gravity)
     dq2 = orientation_rate(q_stage, w)
     dx += wp.quat_rotate(q_stage, r) * third
     q_stage = q + dq2 * half
-    dp3, dl3, da3, r, w = state_rates(kind, p + dp2 * half, l + dl2 * half, q_stage, lift + da2 * half, gravity)
+    dp3, dl3, da3, r, w, speed, spin = state_rates(kind, p + dp2 * half, l + dl2 * half, q_stage, lift + da2 * half, gravity)
     dq3 = orientation_rate(q_stage, w)
     dx += wp.quat_rotate(q_stage, r) * third
     q_stage = q + dq3 * h
-    dp4, dl4, da4, r, w = state_rates(kind, p + dp3 * h, l + dl3 * h, q_stage, lift + da3 * h, gravity)
+    dp4, dl4, da4, r, w, speed, spin = state_rates(kind, p + dp3 * h, l + dl3 * h, q_stage, lift + da3 * h, gravity)
     dq4 = orientation_rate(q_stage, w)
     dx += wp.quat_rotate(q_stage, r) * sixth
     return (
@@ -189,8 +191,9 @@ def advance_quasi_steady(
                 gravity = environment.gravity - gust
                 left = interval
                 while left > zero:
-                    dp, dl, da, r, w = state_rates(kind, p, l, q, lift, gravity)
-                    rate = fastest_rate(kind, r, w, wp.length(gust) * left)
+                    dp, dl, da, r, w, speed, spin = state_rates(kind, p, l, q, lift, gravity)
+                    # the gust that the rest of the interval brings counts as speed
+                    rate = fastest_rate(kind, speed + wp.length(gust) * left, spin)
                     pieces = wp.max(wp.ceil(left * rate / type(left)(SUBSTEP_CRITERION)), type(left)(1.0))
                     h = left / pieces
                     p_next, l_next, q_next, lift, moved = runge_kutta_4(kind, p, l, q, lift, gravity, h, dp, dl, da, r, w)

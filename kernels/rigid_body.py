@@ -37,7 +37,8 @@ def _structs(real):
         circulation: vec3  # [1]
         lift_onset_cubed: real  # cube of the speed below which viscosity takes the lift [m^3/s^3]
         lift_lag: real  # lift follows within 1 / (lag V) [1/m]; 0: at once
-        munk_cut_edge: real  # part of the Munk moment that separation takes, edge-on ...
+        munk_mass: vec3  # added mass along the axes [1]
+        munk_cut_edge: real  # part of its Munk moment that separation takes, edge-on ...
         munk_cut_swing: real  # ... and how much more broadside
         damping_linear: vec3  # [m^2/s]
         damping_speed: vec3  # [m]

@@ -18,7 +18,7 @@ HOST = sorted((ROOT / "warp_immersed").rglob("*.py"))
 # Higher rooms may import lower ones only.
 FLOORS = [
     {"version", "errors"},
-    {"fluid", "mass_properties", "sheet_mesh", "leaf_outlines", "fidelity", "exact_tensors"},
+    {"fluid", "mass_properties", "sheet_mesh", "leaf_outlines", "fidelity", "exact_tensors", "mesh_normals"},
     {"shape", "turbulence", "counter_random"},
     {"library", "added_mass", "force_law", "resting", "emitters"},
     {"body_model", "shape_table"},

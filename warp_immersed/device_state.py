@@ -207,6 +207,7 @@ def kind_values(groups: Sequence[Group], first_bodies: NDArray[Any]) -> tuple[li
                 "net_weight": model.net_weight,
                 "buoyancy_arm": model.buoyancy_arm,
                 **vars(model.loads),
+                "munk_mass": np.diag(model.inertia)[:3],
                 **{f"rate_{name}": rate for name, rate in vars(model.rates).items()},
                 "bounding_radius": model.bounding_radius,
                 "settling_rate": model.settling_rate,

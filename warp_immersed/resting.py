@@ -6,12 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from warp_immersed.mesh_normals import vertex_normals
 from warp_immersed.shape import Shape
 
 Array = NDArray[np.float64]
 
 # A hull with more vertices is thinned to the extreme ones along this many directions.
 MOST_SUPPORTS = 512
+# Sheets can be balanced on an edge as thick as they are, but do not come to rest on it: cosine between the sheet's
+# normal and the vertical below which it topples.
+EDGE_STAND = 0.3
 
 
 @dataclass(frozen=True)
@@ -30,12 +34,15 @@ def resting(shape: Shape) -> Resting:
     """Hull and rest directions of a shape; a sheet is as thick as it is."""
     points = np.asarray(shape.mesh.vertices)
     if shape.thickness is not None:
-        offset = shape.mesh.vertex_normals * (shape.thickness / 2.0)
+        offset = vertex_normals(points, np.asarray(shape.mesh.faces)) * (shape.thickness / 2.0)
         points = np.concatenate([points + offset, points - offset])
     points = points[ConvexHull(points).vertices]
     if len(points) > MOST_SUPPORTS:
         points = points[np.unique(np.argmax(points @ sphere_directions(MOST_SUPPORTS).T, axis=0))]
-    return Resting(points, rest_directions(points))
+    rests = rest_directions(points)
+    if shape.is_sheet:
+        rests = rests[np.abs(rests[:, 2]) > EDGE_STAND]
+    return Resting(points, rests)
 
 
 def rest_directions(points: Array) -> Array:

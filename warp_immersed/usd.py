@@ -12,6 +12,7 @@ from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from warp_immersed.ensemble import Frame
 from warp_immersed.errors import InputError
+from warp_immersed.mesh_normals import vertex_normals
 from warp_immersed.recording import Prototype, Recording, partial_path
 
 # Frames between saves: each appends to the file, so that memory stays bounded and a crash loses little.
@@ -163,7 +164,7 @@ def create_mesh(stage: Usd.Stage, prototype: Prototype) -> UsdGeom.Mesh:
     mesh.CreatePointsAttr(vt_array(Vt.Vec3fArray, vertices))
     mesh.CreateFaceVertexCountsAttr(vt_array(Vt.IntArray, np.full(len(prototype.faces), 3, dtype=np.int32)))
     mesh.CreateFaceVertexIndicesAttr(vt_array(Vt.IntArray, prototype.faces.ravel()))
-    mesh.CreateNormalsAttr(vt_array(Vt.Vec3fArray, vertex_normals(prototype)))
+    mesh.CreateNormalsAttr(vt_array(Vt.Vec3fArray, vertex_normals(vertices, prototype.faces)))
     mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     mesh.CreateDoubleSidedAttr(prototype.is_sheet)
@@ -182,13 +183,3 @@ def create_mesh(stage: Usd.Stage, prototype: Prototype) -> UsdGeom.Mesh:
     UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
     return mesh
 
-
-def vertex_normals(prototype: Prototype) -> NDArray[np.float32]:
-    """Area-weighted unit normals (V, 3)."""
-    corners = prototype.vertices[prototype.faces].astype(np.float64)
-    face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = np.zeros((len(prototype.vertices), 3))
-    for corner in range(3):
-        np.add.at(normals, prototype.faces[:, corner], face_normals)
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.where(lengths > 0.0, normals / np.maximum(lengths, 1e-300), [0.0, 0.0, 1.0]).astype(np.float32)
