@@ -25,7 +25,7 @@ FLOORS = [
     {"device_state", "frame_stepper", "scene"},
     {"ensemble"},
     {"recording", "progress"},
-    {"usd", "simulate"},
+    {"usd", "simulation"},
     {"summary"},
     {"cli"},
 ]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from warp_immersed.recording import Recording
     from warp_immersed.scene import Scene
     from warp_immersed.shape import Shape
-    from warp_immersed.simulate import simulate
+    from warp_immersed.simulation import simulate
     from warp_immersed.turbulence import HomogeneousTurbulence
     from warp_immersed.usd import export_usd
     from warp_immersed.version import __version__
@@ -37,7 +37,7 @@ _HOMES = {
     "__version__": "version",
     "export_usd": "usd",
     "kirchhoff_tensor": "added_mass",
-    "simulate": "simulate",
+    "simulate": "simulation",
 }
 
 

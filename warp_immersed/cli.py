@@ -41,8 +41,8 @@ def run(
     start_warp()
     from warp_immersed.progress import progress_of, rate_text
     from warp_immersed.scene import Scene
-    from warp_immersed.simulate import choose_device, ensemble_of, manifest_of, plan
-    from warp_immersed.simulate import run as run_ensemble
+    from warp_immersed.simulation import choose_device, ensemble_of, manifest_of, plan
+    from warp_immersed.simulation import run as run_ensemble
     from warp_immersed.summary import kind_line, mass_text
 
     loaded = Scene.load(scene).changed(seed=seed, count_scale=count_scale, fidelity=fidelity)
@@ -97,7 +97,7 @@ def info(scene: Annotated[str | None, typer.Argument(help="A scene file or built
         lines = describe_installation()
     else:
         from warp_immersed.scene import Scene
-        from warp_immersed.simulate import plan
+        from warp_immersed.simulation import plan
 
         lines = describe_scene(plan(Scene.load(scene)))
     for line in lines:
@@ -170,17 +170,14 @@ def failure_text(failed: tuple[int, ...], kinds: list[tuple[str, int]]) -> str:
 def main() -> None:
     """Entry point: one line and an exit status instead of a traceback."""
     try:
-        app(standalone_mode=False)
+        # without standalone mode the exit status of typer.Exit comes back as a value
+        sys.exit(app(standalone_mode=False) or 0)
     except InputError as error:
         fail(str(error), BAD_INPUT)
-    except typer.Exit as stop:
-        sys.exit(stop.exit_code)
     except KeyboardInterrupt:
         fail("interrupted before the first frame; nothing was written", INTERRUPTED)
     except typer.Abort:
         sys.exit(INTERRUPTED)
-    except OSError as error:
-        fail(f"cannot write: {error.strerror or error}", BAD_INPUT)
     except Exception as error:
         show = getattr(error, "format_message", None)
         fail(show() if show else str(error), BAD_INPUT if show else FAILURE)

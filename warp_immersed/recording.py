@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -139,46 +141,70 @@ class RecordingWriter:
 
         self.path = path
         self._partial = partial_path(path)
-        self._fps = fps
         self._frames = 0
+        self._body_steps = 0
         bodies = sum(prototype.count for prototype in prototypes)
         shapes = {"positions": (bodies, 3), "orientations": (bodies, 4), "state": (bodies,)}
-        self._file = h5py.File(self._partial, "w", libver="latest", track_order=True)
-        self._file.attrs.update({"schema": SCHEMA, "schema_version": SCHEMA_VERSION, "fps": fps})
+        # without a chunk cache every write goes to the disk at once, and says so if it cannot
+        self._file = h5py.File(self._partial, "w", libver="latest", track_order=True, rdcc_nbytes=0)
+        self._file.attrs.update({"schema": SCHEMA, "schema_version": SCHEMA_VERSION, "fps": fps, "body_steps": 0})
         self._file.attrs["manifest"] = json.dumps(manifest)
+        self._datasets = {"times": self._file.create_dataset("times", (0,), np.float64, maxshape=(None,), chunks=(1024,))}
+        self._datasets["times"].attrs.update({"units": "s", "long_name": "time since the start"})
         for name, (units, long_name) in DATASETS.items():
             shape = shapes.get(name, (bodies, 3))
             dtype = np.uint8 if name == "state" else np.float32
             dataset = self._file.create_dataset(name, (0, *shape), dtype, maxshape=(None, *shape), chunks=(1, *shape))
             dataset.attrs.update({"units": units, "long_name": long_name})
-        times = self._file.create_dataset("times", (0,), np.float64, maxshape=(None,), chunks=(1024,))
-        times.attrs.update({"units": "s", "long_name": "time since the start"})
+            self._datasets[name] = dataset
         group = self._file.create_group("prototypes", track_order=True)
         for prototype in prototypes:
             write_prototype(group.create_group(prototype.name), prototype)
 
     def write(self, frame: Frame) -> None:
-        """Append a frame."""
-        for name in DATASETS:
-            dataset = self._file[name]
-            dataset.resize(self._frames + 1, axis=0)
-            dataset[self._frames] = getattr(frame, name)
-        self._file["times"].resize(self._frames + 1, axis=0)
-        self._file["times"][self._frames] = frame.time
-        self._file.attrs["body_steps"] = frame.body_steps
+        """Append a frame.
+
+        Raises:
+            InputError: the disk is full or gone.
+        """
+        try:
+            for name, dataset in self._datasets.items():
+                dataset.resize(self._frames + 1, axis=0)
+                dataset[self._frames] = frame.time if name == "times" else getattr(frame, name)
+        except (OSError, RuntimeError) as error:
+            raise self._cannot_write(error) from error
         self._frames += 1
+        self._body_steps = frame.body_steps
 
     def finish(self) -> None:
-        """Close the file and give it its name."""
-        self._file.close()
-        os.replace(self._partial, self.path)
+        """Close the file and give it its name.
+
+        Raises:
+            InputError: the disk is full or gone.
+        """
+        try:
+            self._file.attrs["body_steps"] = self._body_steps
+            self._file.close()
+            os.replace(self._partial, self.path)
+        except (OSError, RuntimeError) as error:
+            raise self._cannot_write(error) from error
 
     def abort(self) -> None:
         """Leave nothing behind."""
+        # HDF5 tries once more to write what it could not, and complains from its destructors
+        complain, sys.unraisablehook = sys.unraisablehook, lambda _: None
         try:
+            self._datasets.clear()
             self._file.close()
+        except (OSError, RuntimeError):
+            pass
         finally:
             self._partial.unlink(missing_ok=True)
+            sys.unraisablehook = complain
+
+    def _cannot_write(self, error: Exception) -> InputError:
+        said = re.search(r"error message = '([^']*)'", str(error))
+        return InputError(f"output {str(self.path)!r}: cannot write ({said.group(1) if said else error})")
 
 
 def partial_path(path: Path) -> Path:

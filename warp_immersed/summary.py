@@ -8,7 +8,7 @@ from math import sqrt
 import numpy as np
 
 from warp_immersed.device_state import Surroundings, wind_steps_per_frame
-from warp_immersed.simulate import Kind, Plan
+from warp_immersed.simulation import Kind, Plan
 from warp_immersed.turbulence import lagrangian_time_scale
 from warp_immersed.version import __version__
 

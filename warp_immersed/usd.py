@@ -2,13 +2,14 @@
 
 import ctypes
 import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
+from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
 
 from warp_immersed.ensemble import Frame
 from warp_immersed.errors import InputError
@@ -83,8 +84,13 @@ class UsdWriter:
         self._partial.unlink(missing_ok=True)
 
     def _save(self) -> None:
-        if not self._layer.Save():
-            raise OSError(f"{self._partial} could not be saved")
+        try:
+            saved = self._layer.Save()
+            reason = "not saved"
+        except Tf.ErrorException as error:
+            saved, reason = False, write_error(str(error))
+        if not saved:
+            raise InputError(f"output {str(self.path)!r}: cannot write ({reason})")
 
 
 def export_usd(recording: Recording, path: str | Path) -> None:
@@ -101,6 +107,12 @@ def export_usd(recording: Recording, path: str | Path) -> None:
     except BaseException:
         writer.abort()
         raise
+
+
+def write_error(text: str) -> str:
+    """What the system said, out of USD's account of where it heard it."""
+    said = re.search(r"Error occurred writing file: ([^']*)'", text)
+    return said.group(1) if said else text.splitlines()[0]
 
 
 def vt_array(array_type: Any, values: NDArray[Any]) -> Any:

@@ -1,0 +1,181 @@
+"""The command line as a user meets it: files, messages, exit statuses."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from pxr import Usd, UsdGeom
+
+from warp_immersed.recording import Recording
+
+ROOT = Path(__file__).parent.parent
+SMALL = """
+duration = 1.0
+[[bodies]]
+name = "coin"
+count = 20
+shape = { library = "disk" }
+emitter = { kind = "box", center = [0, 3, 0], size = [1, 1, 1] }
+"""
+
+
+def run(*arguments: str, cwd: Path, **options) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "warp_immersed.cli", *arguments]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=300, check=False, **options)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    path = tmp_path / "coins.toml"
+    path.write_text(SMALL)
+    return path
+
+
+def assert_refused(result: subprocess.CompletedProcess[str], *words: str) -> None:
+    assert result.returncode == 2, result.stderr
+    assert "Traceback" not in result.stderr
+    errors = result.stderr.strip().splitlines()
+    assert len(errors) == 1
+    assert errors[0].startswith("error: ")
+    for word in words:
+        assert word in errors[0]
+
+
+def test_run_writes_usd_and_says_what_it_did(scene, tmp_path) -> None:
+    result = run("run", "coins.toml", "--device", "cpu", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "20 bodies, 24 frames at 24 fps" in result.stdout
+    assert "coin: 20 x quasi_steady (auto)" in result.stdout
+    last = result.stdout.strip().splitlines()[-1]
+    assert last.startswith("out/coins.usdc: ")
+    assert "body-steps/s" in last
+    assert not result.stderr, "nothing but results on a short run"
+    stage = Usd.Stage.Open(str(tmp_path / "out/coins.usdc"))
+    crowd = UsdGeom.PointInstancer.Get(stage, "/World/Crowd")
+    assert len(crowd.GetPositionsAttr().Get(24)) == 20
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["coins.usdc"]
+
+
+def test_options_change_what_they_say(scene, tmp_path) -> None:
+    for name, *options in (("a", "--seed", "1"), ("b", "--seed", "2"), ("c", "--count-scale", "0.5"), ("d", "--threads", "1", "--seed", "1")):
+        result = run("run", "coins.toml", "-o", f"{name}.h5", "--no-progress", *options, cwd=tmp_path)
+        assert result.returncode == 0, result.stderr
+    a, b, c, d = (Recording.load(tmp_path / f"{name}.h5") for name in "abcd")
+    assert (a.positions[-1] != b.positions[-1]).all()
+    assert c.positions.shape == (24, 10, 3)
+    assert (a.positions == d.positions).all()
+    assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "d.h5").read_bytes()
+
+
+def test_export_gives_the_file_that_run_gives(scene, tmp_path) -> None:
+    assert run("run", "coins.toml", "-o", "a.h5", cwd=tmp_path).returncode == 0
+    assert run("run", "coins.toml", "-o", "a.usdc", cwd=tmp_path).returncode == 0
+    assert run("export", "a.h5", "-o", "b.usdc", cwd=tmp_path).returncode == 0
+    assert (tmp_path / "a.usdc").read_bytes() == (tmp_path / "b.usdc").read_bytes()
+
+
+def test_info_describes_scene_and_installation(scene, tmp_path) -> None:
+    result = run("info", cwd=tmp_path)
+    assert result.returncode == 0
+    for word in ("warp-immersed", "device cpu", "falling_leaves", "maple_leaf"):
+        assert word in result.stdout
+    result = run("info", "falling_leaves", cwd=tmp_path)
+    assert result.returncode == 0
+    for word in ("240 frames", "T_L", "no grid is needed", "substeps a frame", "added mass"):
+        assert word in result.stdout
+
+
+def test_a_failed_body_is_named_and_the_file_kept(scene, tmp_path) -> None:
+    scene.write_text(SMALL.replace("size = [1, 1, 1]", "size = [1, 1, 1], velocity = [1e25, 0, 0]").replace("count = 20", "count = 2"))
+    result = run("run", "coins.toml", "-o", "a.h5", cwd=tmp_path)
+    assert result.returncode == 1
+    assert "error: 2 of 2 bodies failed and were frozen where they were: coin 0, coin 1" in result.stderr
+    assert "Traceback" not in result.stderr
+    assert (Recording.load(tmp_path / "a.h5").state[-1] == 3).all()
+
+
+BAD_COMMANDS = [
+    (["run", "no_such_scene"], ["no_such_scene", "built in: "]),
+    (["run", "missing.toml"], ["missing.toml", "cannot be read"]),
+    (["run", "coins.toml", "--device", "cuda:7"], ["device 'cuda:7'", "cpu"]),
+    (["run", "coins.toml", "--device", "gpu"], ["device 'gpu'", "cpu"]),
+    (["run", "coins.toml", "-o", "a.abc"], ["'.abc'", ".usdc"]),
+    (["run", "coins.toml", "--count-scale", "-1"], ["count scale"]),
+    (["run", "coins.toml", "--seed", "-5"], ["seed: found -5"]),
+    (["run", "coins.toml", "--fidelity", "super"], ["super"]),
+    (["run", "coins.toml", "--sed", "5"], ["--sed"]),
+    (["run"], ["scene"]),
+    (["export", "missing.h5", "-o", "a.usdc"], ["no such file"]),
+    (["fly"], ["fly"]),
+]
+
+
+@pytest.mark.parametrize(("arguments", "words"), BAD_COMMANDS, ids=[" ".join(a) for a, _ in BAD_COMMANDS])
+def test_bad_commands_are_refused_in_one_line(scene, tmp_path, arguments, words) -> None:
+    assert_refused(run(*arguments, cwd=tmp_path), *words)
+    assert [p.name for p in tmp_path.iterdir()] == ["coins.toml"]
+
+
+def test_bad_scenes_are_refused_in_one_line(scene, tmp_path) -> None:
+    scene.write_text(SMALL.replace("count", "cuont"))
+    assert_refused(run("run", "coins.toml", cwd=tmp_path), "coins.toml: bodies[0].cuont: unknown key", "'count'")
+    assert [p.name for p in tmp_path.iterdir()] == ["coins.toml"]
+
+
+def test_an_output_that_cannot_be_written_is_refused_first(scene, tmp_path) -> None:
+    (tmp_path / "file").write_text("")
+    assert_refused(run("run", "coins.toml", "-o", "file/a.usdc", cwd=tmp_path), "file/a.usdc", "cannot be written")
+    (tmp_path / "folder.usdc").mkdir()
+    assert_refused(run("run", "coins.toml", "-o", "folder.usdc", cwd=tmp_path), "is a folder")
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may write anywhere")
+def test_a_read_only_folder_is_refused(scene, tmp_path) -> None:
+    (tmp_path / "locked").mkdir(mode=0o500)
+    assert_refused(run("run", "coins.toml", "-o", "locked/a.usdc", cwd=tmp_path), "locked/a.usdc", "cannot be written")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs a limit on the size of files")
+@pytest.mark.parametrize("output", ["a.usdc", "a.h5"])
+def test_a_full_disk_leaves_nothing_behind(scene, tmp_path, output) -> None:
+    """A limit on file size stands in for the full disk: writes fail in the same way."""
+    scene.write_text(SMALL.replace("count = 20", "count = 3000"))
+
+    def limit() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, 400_000))
+
+    assert_refused(run("run", "coins.toml", "-o", output, cwd=tmp_path, preexec_fn=limit), "cannot write", output)
+    assert [p.name for p in tmp_path.iterdir()] == ["coins.toml"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends an interrupt")
+def test_ctrl_c_keeps_the_frames_there_are(scene, tmp_path) -> None:
+    scene.write_text(SMALL.replace("duration = 1.0", "duration = 2000.0"))
+    command = [sys.executable, "-m", "warp_immersed.cli", "run", "coins.toml", "-o", "a.usdc"]
+    process = subprocess.Popen(
+        command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a runner in the background ignores it
+    )  # fmt: skip
+    partial = tmp_path / ".a.partial.usdc"
+    deadline = time.monotonic() + 120.0
+    while not (partial.exists() and partial.stat().st_size > 100_000) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "interrupted: a.usdc is whole with the first" in out
+    stage = Usd.Stage.Open(str(tmp_path / "a.usdc"))
+    samples = UsdGeom.PointInstancer.Get(stage, "/World/Crowd").GetPositionsAttr().GetTimeSamples()
+    assert 24 <= len(samples) < 48_000
+    assert samples == list(range(1, len(samples) + 1))
+    assert stage.GetEndTimeCode() == len(samples)
+    assert f"first {len(samples)} of 48000 frames" in out
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.usdc", "coins.toml"]
