@@ -32,9 +32,7 @@ def quasi_steady_load(kind: Any, velocity: Any, angular_velocity: Any, lift: Any
     root = wp.sqrt(speed)
     drag_x = kind.drag_root[0] * root + kind.drag_quadratic[0] * speed
     drag_y = kind.drag_root[1] * root + kind.drag_quadratic[1] * speed
-    drag_z = wp.max(
-        kind.drag_root[2] * root + kind.drag_quadratic[2] * speed, kind.drag_broadside * speed - kind.drag_linear[2]
-    )
+    drag_z = wp.max(kind.drag_root[2] * root + kind.drag_quadratic[2] * speed, kind.drag_broadside * speed - kind.drag_linear[2])
     drag = (drag_x * square[0] + drag_y * square[1] + drag_z * square[2]) * inverse_squared
 
     # the quasi-steady lift: translational, normal to the velocity in the plane of velocity and normal, and rotational

@@ -70,7 +70,9 @@ def model_in(shape, fluid) -> BodyModel:
     return body_model(shape, fluid, kirchhoff_tensor(shape, fluid), GRAVITY)
 
 
-def trajectory(groups: list[Group] | BodyModel, emission: Emission | None, surroundings: Surroundings, fps: float, frames: int, **options):
+def trajectory(
+    groups: list[Group] | BodyModel, emission: Emission | None, surroundings: Surroundings, fps: float, frames: int, **options
+):
     """Frames 0 ... frames - 1 of a run as a dict of arrays (frames, N, ...), and the ensemble's substeps under "body_steps"."""
     if isinstance(groups, BodyModel):
         assert emission is not None

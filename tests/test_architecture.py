@@ -67,7 +67,9 @@ def test_no_device_code_outside_kernels(path: Path) -> None:
 def test_kernels_hold_device_code_only(path: Path) -> None:
     tree = tree_of(path)
     outside = {
-        name for name in imported_modules(tree) if not name.startswith(("warp_immersed.kernels", "typing", "math")) and name != "warp"
+        name
+        for name in imported_modules(tree)
+        if not name.startswith(("warp_immersed.kernels", "typing", "math")) and name != "warp"
     }
     assert not outside, "kernels/ imports warp, math, typing and its siblings only"
     calls = {

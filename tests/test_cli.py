@@ -63,7 +63,12 @@ def test_run_writes_usd_and_says_what_it_did(scene, tmp_path) -> None:
 
 
 def test_options_change_what_they_say(scene, tmp_path) -> None:
-    for name, *options in (("a", "--seed", "1"), ("b", "--seed", "2"), ("c", "--count-scale", "0.5"), ("d", "--threads", "1", "--seed", "1")):
+    for name, *options in (
+        ("a", "--seed", "1"),
+        ("b", "--seed", "2"),
+        ("c", "--count-scale", "0.5"),
+        ("d", "--threads", "1", "--seed", "1"),
+    ):
         result = run("run", "coins.toml", "-o", f"{name}.h5", "--no-progress", *options, cwd=tmp_path)
         assert result.returncode == 0, result.stderr
     a, b, c, d = (Recording.load(tmp_path / f"{name}.h5") for name in "abcd")
@@ -92,7 +97,9 @@ def test_info_describes_scene_and_installation(scene, tmp_path) -> None:
 
 
 def test_a_failed_body_is_named_and_the_file_kept(scene, tmp_path) -> None:
-    scene.write_text(SMALL.replace("size = [1, 1, 1]", "size = [1, 1, 1], velocity = [1e25, 0, 0]").replace("count = 20", "count = 2"))
+    scene.write_text(
+        SMALL.replace("size = [1, 1, 1]", "size = [1, 1, 1], velocity = [1e25, 0, 0]").replace("count = 20", "count = 2")
+    )
     result = run("run", "coins.toml", "-o", "a.h5", cwd=tmp_path)
     assert result.returncode == 1
     assert "error: 2 of 2 bodies failed and were frozen where they were: coin 0, coin 1" in result.stderr

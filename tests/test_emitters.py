@@ -70,7 +70,14 @@ def test_given_orientation_and_velocities_reach_every_body() -> None:
 
 @pytest.mark.parametrize(
     "change",
-    [{"size": [1, -1, 1]}, {"duration": -1.0}, {"start": float("nan")}, {"center": [0, 0]}, {"orientation": [0, 0, 0, 2]}, {"colour": 1}],
+    [
+        {"size": [1, -1, 1]},
+        {"duration": -1.0},
+        {"start": float("nan")},
+        {"center": [0, 0]},
+        {"orientation": [0, 0, 0, 2]},
+        {"colour": 1},
+    ],
 )
 def test_bad_values_are_refused(change) -> None:
     with pytest.raises(ValidationError):

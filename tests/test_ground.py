@@ -12,7 +12,17 @@ from warp_immersed.resting import resting
 from warp_immersed.turbulence import HomogeneousTurbulence
 
 GROUND = 0.25
-SHAPES = ["disk", "elliptic_paper", "rectangular_paper", "maple_leaf", "oak_leaf", "willow_leaf", "samara", "paper_airplane", "sphere"]
+SHAPES = [
+    "disk",
+    "elliptic_paper",
+    "rectangular_paper",
+    "maple_leaf",
+    "oak_leaf",
+    "willow_leaf",
+    "samara",
+    "paper_airplane",
+    "sphere",
+]
 
 
 def fall(name: str, fluid=AIR, fps=24.0, seconds=6.0, count=60, **surroundings):

@@ -42,7 +42,11 @@ def test_every_package_is_listed() -> None:
 
 def test_wheel_holds_every_module_and_scene(wheel) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
-    for top, prefix in (("warp_immersed", "warp_immersed"), ("kernels", "warp_immersed/kernels"), ("scenes", "warp_immersed/scenes")):
+    for top, prefix in (
+        ("warp_immersed", "warp_immersed"),
+        ("kernels", "warp_immersed/kernels"),
+        ("scenes", "warp_immersed/scenes"),
+    ):
         for path in (ROOT / top).rglob("*"):
             if path.suffix in (".py", ".toml", ".typed"):
                 assert f"{prefix}/{path.relative_to(ROOT / top).as_posix()}" in names
@@ -66,7 +70,9 @@ assert run.positions.shape[0] == 240
     paths = [str(site), *(p for p in sys.path if "site-packages" in p)]
     program = f"import sys; sys.path[:0] = {paths!r}\n{script}"
     (tmp_path / "program.py").write_text(program)
-    result = subprocess.run([sys.executable, "-P", "program.py"], cwd=tmp_path, capture_output=True, text=True, check=False, env={})
+    result = subprocess.run(
+        [sys.executable, "-P", "program.py"], cwd=tmp_path, capture_output=True, text=True, check=False, env={}
+    )
     assert result.returncode == 0, result.stderr
 
 

@@ -94,7 +94,7 @@ def test_bad_scenes_are_refused_in_one_line(old, new, said) -> None:
 
 def test_a_buoyant_body_in_the_ground_is_refused_with_the_reason() -> None:
     text = GOOD.replace('fluid = "air"', 'fluid = "water"').replace("center = [0, 8, 0]", "center = [0, 0.5, 0]")
-    with pytest.raises(InputError, match="lighter than the fluid .* thrown out of it"):
+    with pytest.raises(InputError, match=r"lighter than the fluid .* thrown out of it"):
         plan(Scene.from_text(text))
 
 
@@ -124,7 +124,9 @@ def test_meshes_are_looked_up_beside_the_scene(tmp_path) -> None:
     import trimesh
 
     trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "box.stl")
-    text = GOOD.replace('library = "maple_leaf", length = 0.07', 'mesh = "box.stl", scale = 0.5').replace("thickness = 3e-4\n", "")
+    text = GOOD.replace('library = "maple_leaf", length = 0.07', 'mesh = "box.stl", scale = 0.5').replace(
+        "thickness = 3e-4\n", ""
+    )
     (tmp_path / "boxes.toml").write_text(text)
     planned = plan(Scene.load(tmp_path / "boxes.toml"))
     assert planned.kinds[0].shape.mass == pytest.approx(700.0 * 0.05**3)

@@ -20,7 +20,9 @@ def test_star_polygons_are_covered_exactly(radii, clockwise) -> None:
     assert inside_polygon(mesh.triangles_center[:, :2], polygon).all()
 
 
-@pytest.mark.parametrize("outline", [leaf_outlines.maple, leaf_outlines.oak, leaf_outlines.birch, leaf_outlines.willow, leaf_outlines.ginkgo])
+@pytest.mark.parametrize(
+    "outline", [leaf_outlines.maple, leaf_outlines.oak, leaf_outlines.birch, leaf_outlines.willow, leaf_outlines.ginkgo]
+)
 def test_leaf_outlines_are_symmetric_simple_and_of_unit_length(outline) -> None:
     points = outline()
     mesh = outline_mesh(points, spacing=0.06)

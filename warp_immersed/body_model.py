@@ -106,7 +106,9 @@ def substep_rates(inertia: Array, loads: LoadCoefficients, pull: float) -> Subst
                 munk = max(munk, mass[j] * abs(inertia[j, j] - inertia[i, i]) / (mass[i] * moment[k]))
                 gyration = max(gyration, loads.circulation[k] / np.sqrt(mass[i] * mass[j]))
     quadratic = np.maximum(loads.drag_quadratic, [0.0, 0.0, loads.drag_broadside])
-    speed = np.sqrt(munk) + 2.0 * rate_of(quadratic) + rate_of(loads.lift) + rate_of(0.0, loads.damping_speed + loads.damping_roll)
+    speed = (
+        np.sqrt(munk) + 2.0 * rate_of(quadratic) + rate_of(loads.lift) + rate_of(0.0, loads.damping_speed + loads.damping_roll)
+    )
     speed = max(speed, loads.lift_lag)
     linear = rate_of(loads.drag_linear, loads.damping_linear)
     return SubstepRates(

@@ -160,9 +160,7 @@ def manifest_of(plan: Plan, device: wp.Device) -> dict[str, Any]:
     }
 
 
-def run(
-    ensemble: Ensemble, frames: int, sinks: Sequence[FrameSink], report: Callable[[int, int], None] | None = None
-) -> Outcome:
+def run(ensemble: Ensemble, frames: int, sinks: Sequence[FrameSink], report: Callable[[int, int], None] | None = None) -> Outcome:
     """Simulate and hand every frame to the sinks; after Ctrl-C they are finished with the frames there are.
 
     report: called with (frames done, body_steps) after each frame. On any other exception the sinks are aborted.

@@ -194,4 +194,3 @@ def create_mesh(stage: Usd.Stage, prototype: Prototype) -> UsdGeom.Mesh:
     material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
     UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
     return mesh
-

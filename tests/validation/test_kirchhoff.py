@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from tests.bodies import ideal_body, model_in, rotate, started, trajectory
 from warp_immersed import library
 from warp_immersed.device_state import Surroundings
-from warp_immersed.fluid import AIR, WATER, Fluid
+from warp_immersed.fluid import AIR, Fluid
 
 NO_GRAVITY = Surroundings(AIR, gravity=(0.0, 0.0, 0.0))
 
@@ -72,7 +72,9 @@ def test_loads_and_lift_lag_keep_order_four() -> None:
     """With the whole plate law the right-hand side is smooth in still air, and so must be the order."""
     shape = library.elliptic_paper(0.08, 0.05, 2e-4)
     model = model_in(shape, AIR)
-    start = started(orientations=(np.sin(0.3), 0.0, 0.0, np.cos(0.3)), velocities=(0.3, -0.8, 0.1), angular_velocities=(2.0, 1.0, 0.0))
+    start = started(
+        orientations=(np.sin(0.3), 0.0, 0.0, np.cos(0.3)), velocities=(0.3, -0.8, 0.1), angular_velocities=(2.0, 1.0, 0.0)
+    )
     ends = []
     for fps in (320.0, 640.0, 1280.0, 5120.0):
         run = trajectory(model, start, Surroundings(AIR), fps, round(0.25 * fps) + 1, precision="float64")
@@ -86,7 +88,14 @@ def test_loads_and_lift_lag_keep_order_four() -> None:
 def test_munk_moment_growth_edge_on() -> None:
     """Translation along the axis of least added mass: growth rate U (m1 (m2 - m1) / (m2 J))^(1/2)."""
     body = ideal_body((1.2, 3.1, 2.0), (1.0, 1.0, 0.5))
-    run = trajectory(body, started(velocities=(1.0, 0.0, 0.0), angular_velocities=(0.0, 0.0, 1e-7)), NO_GRAVITY, 200.0, 1801, precision="float64")
+    run = trajectory(
+        body,
+        started(velocities=(1.0, 0.0, 0.0), angular_velocities=(0.0, 0.0, 1e-7)),
+        NO_GRAVITY,
+        200.0,
+        1801,
+        precision="float64",
+    )
     spin = run["angular_velocities"][:, 0, 2]
     growth = np.log(spin[1800] / spin[1400]) / 2.0
     assert growth == pytest.approx(1.2128346, rel=1e-3)
@@ -95,7 +104,14 @@ def test_munk_moment_growth_edge_on() -> None:
 def test_munk_moment_frequency_broadside() -> None:
     """Translation along the axis of largest added mass: frequency U (m2 (m2 - m1) / (m1 J))^(1/2)."""
     body = ideal_body((1.2, 3.1, 2.0), (1.0, 1.0, 0.5))
-    run = trajectory(body, started(velocities=(0.0, 1.0, 0.0), angular_velocities=(0.0, 0.0, 1e-5)), NO_GRAVITY, 200.0, 4001, precision="float64")
+    run = trajectory(
+        body,
+        started(velocities=(0.0, 1.0, 0.0), angular_velocities=(0.0, 0.0, 1e-5)),
+        NO_GRAVITY,
+        200.0,
+        4001,
+        precision="float64",
+    )
     spin = run["angular_velocities"][:, 0, 2]
     crossings = np.flatnonzero((spin[:-1] > 0.0) & (spin[1:] <= 0.0))
     times = (crossings + spin[crossings] / (spin[crossings] - spin[crossings + 1])) / 200.0

@@ -91,7 +91,9 @@ def test_turbulence_too_fast_for_the_frames_is_refused() -> None:
         wind_steps_per_frame(1.0 / 24.0, surroundings)
 
 
-@pytest.mark.parametrize(("shape", "fluid"), [(library.maple_leaf(), AIR), (library.disk(0.02, 1e-3, 2700.0), WATER)], ids=["leaf", "coin"])
+@pytest.mark.parametrize(
+    ("shape", "fluid"), [(library.maple_leaf(), AIR), (library.disk(0.02, 1e-3, 2700.0), WATER)], ids=["leaf", "coin"]
+)
 def test_uniform_wind_changes_no_statistic(shape, fluid) -> None:
     """Galilean invariance at three times the fall speed: drift 0.97 to 1.00 of the wind, everything else the same.
 
