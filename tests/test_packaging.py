@@ -89,4 +89,4 @@ def test_dependencies_are_those_imported() -> None:
                 imported.add(node.module.split(".")[0])
     extras = {"matplotlib"}
     third_party = imported - set(sys.stdlib_module_names) - {"warp_immersed"} - extras
-    assert third_party == declared - {"networkx"}
+    assert third_party == declared - {"networkx", "pillow"}
