@@ -1,6 +1,7 @@
 """The command line: `warp-immersed run`, `export`, `info`."""
 
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -52,7 +53,14 @@ def run(
         typer.echo(f"note: {note}")
     path = output or Path("out") / f"{loaded.name}.usdc"
     check_output(path, loaded.frame_count, loaded.body_count)
-    ensemble = ensemble_of(planned, where, threads)
+    # the kernels are compiled on the first run on a machine, which would be a long silence
+    patience = threading.Timer(2.5, lambda: typer.echo("compiling kernels for this machine, once", err=True))
+    patience.daemon = True
+    patience.start()
+    try:
+        ensemble = ensemble_of(planned, where, threads)
+    finally:
+        patience.cancel()
     sink = open_sink(path, planned.prototypes, loaded.fps, manifest_of(planned, where))
     typer.echo(f"{loaded.name}: {loaded.body_count} bodies, {loaded.frame_count} frames at {loaded.fps:g} fps, on {where.name}")
     for kind in planned.kinds:
