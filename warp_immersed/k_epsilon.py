@@ -1,6 +1,6 @@
 """`KEpsilonSolver`: the steady mean flow and its k and epsilon on a voxel grid, by marching in pseudo-time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,7 @@ from warp_immersed.poisson import add_v_cycle, build_levels, half_dim
 BYTES_PER_CELL = 380  # device memory of the solver, all arrays and the multigrid levels
 CHECK_INTERVAL = 10
 SETTLED = 1e-3
+STATE = ("velocity", "turbulence", "pressure", "flux_x", "flux_y", "flux_z")
 
 
 class DivergedError(RuntimeError):
@@ -270,3 +271,22 @@ class KEpsilonSolver:
             "epsilon": turbulence[..., 1],
             "eddy_viscosity": self.eddy.numpy().copy(),
         }
+
+    def checkpoint(self) -> dict[str, NDArray[np.generic]]:
+        """Everything a later solver of the same setup needs to go on bit for bit."""
+        stored: dict[str, NDArray[np.generic]] = {name: getattr(self, name).numpy().copy() for name in STATE}
+        stored["steps_taken"] = np.array(self.steps_taken)
+        return stored
+
+    def restore(self, stored: Mapping[str, NDArray[np.generic]]) -> None:
+        """Go on from a checkpoint.
+
+        Raises:
+            InputError: the checkpoint is of another grid.
+        """
+        for name in STATE:
+            array = getattr(self, name)
+            if stored[name].shape[:3] != tuple(array.shape):
+                raise InputError(f"checkpoint {name}: found shape {stored[name].shape[:3]}, must be {tuple(array.shape)}")
+            array.assign(stored[name])
+        self.steps_taken = int(stored["steps_taken"])

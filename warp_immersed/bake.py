@@ -1,0 +1,171 @@
+"""`bake`: solve the flow that a FIELD.toml describes and write it as a `TurbulenceGrid` file."""
+
+import hashlib
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import warp as wp
+
+from warp_immersed.errors import InputError
+from warp_immersed.field_scene import FieldScene, far_boundary
+from warp_immersed.flow_setup import FlowSetup
+from warp_immersed.k_epsilon import BYTES_PER_CELL, Convergence, KEpsilonSolver, Progress
+from warp_immersed.turbulence_grid import TurbulenceGrid
+
+CHECKPOINT_SECONDS = 20.0
+CELL_STEPS_PER_SECOND = 1.0e6  # of one CPU core, for the estimate shown before a bake
+TYPICAL_STEPS = 400
+
+
+@dataclass(frozen=True)
+class BakePlan:
+    """What a bake will take: cells (3,), memory [bytes] and, on a CPU, a typical time [s]; None where it is not known."""
+
+    cells: tuple[int, int, int]
+    memory: int
+    seconds: float | None
+
+
+@dataclass(frozen=True)
+class BakeReport:
+    """What a bake made: the file, the verdict of the solve, steps and wall time [s]."""
+
+    path: Path
+    convergence: Convergence
+    steps: int
+    seconds: float
+
+
+def plan_bake(scene: FieldScene, device: str = "cpu", threads: int | None = None) -> BakePlan:
+    """Memory and time a bake needs, before anything is allocated.
+
+    Raises:
+        InputError: the grid does not fit into the device's free memory.
+    """
+    count = int(np.prod(scene.cells))
+    memory = BYTES_PER_CELL * count
+    target = wp.get_device(device)
+    free = target.free_memory if target.is_cuda else os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    needed = memory if target.is_cuda else 2 * memory  # building the hierarchy takes as much again on the host
+    if needed > free:
+        raise InputError(
+            f"{scene.name}: domain: {list(scene.cells)} cells need {needed / 1e9:.1f} GB, {device} has {free / 1e9:.1f} GB free; "
+            f"use a coarser spacing or a smaller domain"
+        )
+    cores = min(threads or os.cpu_count() or 1, max(1, count // 8192))
+    seconds = None if target.is_cuda else count * TYPICAL_STEPS / (CELL_STEPS_PER_SECOND * cores)
+    return BakePlan(scene.cells, memory, seconds)
+
+
+def bake(
+    field: str | Path | FieldScene,
+    output: str | Path,
+    device: str = "cpu",
+    *,
+    resume: bool = False,
+    threads: int | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> BakeReport:
+    """Solve a field and write it to an HDF5 file; a flow that did not converge is written too, and says so.
+
+    The state is kept beside the output (`OUTPUT.checkpoint.npz`) while the solve runs, also when it is interrupted, and
+    removed at the end.
+
+    Args:
+        field: FIELD.toml, or the scene read from it.
+        resume: go on from the checkpoint of an interrupted bake of the same field; without one, start.
+        progress: called at every check of the residuals.
+
+    Raises:
+        InputError: the field cannot be used, does not fit, or the checkpoint belongs to another field.
+        DivergedError: the solution stopped being finite; no file is written.
+    """
+    scene = field if isinstance(field, FieldScene) else FieldScene.load(field)
+    target = Path(output)
+    if not target.parent.is_dir():
+        raise InputError(f"{target}: the folder {str(target.parent)!r} does not exist; make it first")
+    started = time.perf_counter()
+    plan_bake(scene, device, threads)
+    setup = scene.setup(device)
+    settings = scene.tables.solver
+    solver = KEpsilonSolver(setup, device, cfl=settings.cfl, threads=threads)
+    checkpoint = target.with_name(target.name + ".checkpoint.npz")
+    digest = setup_digest(setup, scene.text)
+    if resume and checkpoint.is_file():
+        restore(solver, checkpoint, digest)
+    saved = time.perf_counter()
+
+    def checked(now: Progress) -> None:
+        nonlocal saved
+        if time.perf_counter() - saved > CHECKPOINT_SECONDS:
+            keep(solver, checkpoint, digest)
+            saved = time.perf_counter()
+        if progress is not None:
+            progress(now)
+
+    try:
+        convergence = solver.solve(settings.max_steps, settings.tolerance, checked)
+    except KeyboardInterrupt:
+        keep(solver, checkpoint, digest)
+        raise
+    grid_of(scene, setup, solver, convergence).save(target)
+    checkpoint.unlink(missing_ok=True)
+    return BakeReport(target, convergence, solver.steps_taken, time.perf_counter() - started)
+
+
+def grid_of(scene: FieldScene, setup: FlowSetup, solver: KEpsilonSolver, convergence: Convergence) -> TurbulenceGrid:
+    """The solved flow with its provenance."""
+    fields = solver.fields()
+    fluid = setup.fluid_mask()
+    rows = [(p.step, p.velocity_change, p.k_change, p.epsilon_change, p.divergence) for p in convergence.history]
+    return TurbulenceGrid(
+        lower=setup.lower,
+        spacing=setup.spacing,
+        velocity=np.where(fluid[..., None], fields["velocity"], 0.0).astype(np.float32),
+        k=np.where(fluid, fields["k"], 0.0).astype(np.float32),
+        epsilon=np.where(fluid, fields["epsilon"], 0.0).astype(np.float32),
+        fluid=fluid,
+        far=far_boundary(scene.boundaries(), setup.velocity),
+        scene=scene.text,
+        history=np.array(rows, dtype=np.float64).reshape(-1, 5),
+        provenance={
+            "warp": wp.__version__,
+            "numpy": np.__version__,
+            "device": str(solver.device),
+            "steps": solver.steps_taken,
+            "cfl": solver.cfl,
+            "converged": convergence.converged,
+            "advice": convergence.advice,
+        },
+    )
+
+
+def setup_digest(setup: FlowSetup, text: str) -> str:
+    """A fingerprint of a field: its file and its obstacle cells."""
+    solid = b"" if setup.solid is None else np.packbits(setup.solid).tobytes()
+    return hashlib.sha256(text.encode() + solid).hexdigest()
+
+
+def keep(solver: KEpsilonSolver, path: Path, digest: str) -> None:
+    """Write the solver's state beside the output; the old checkpoint is replaced only by a complete one."""
+    part = path.with_name(path.name + ".part")
+    with part.open("wb") as file:
+        np.savez(file, digest=digest, **solver.checkpoint())  # type: ignore[arg-type]
+    os.replace(part, path)
+
+
+def restore(solver: KEpsilonSolver, path: Path, digest: str) -> None:
+    """Put a checkpoint into the solver. Raises InputError if it is of another field or cannot be read."""
+    try:
+        with np.load(path) as stored:
+            if str(stored["digest"]) != digest:
+                raise InputError(f"{path}: is the checkpoint of another field; bake without resuming, or restore the field")
+            solver.restore({name: stored[name] for name in stored.files if name != "digest"})
+    except (OSError, ValueError, KeyError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: cannot be read ({str(error).splitlines()[0]}); bake without resuming") from error
