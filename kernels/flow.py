@@ -296,7 +296,6 @@ def sweep_momentum(
     grid: Grid,
     first_plane: int,
     color: int,
-    faces: wp.array3d(dtype=int),
     stencil: wp.array3d(dtype=Stencil),
     residual: wp.array3d(dtype=wp.vec3),
     change: wp.array3d(dtype=wp.vec3),
@@ -309,8 +308,6 @@ def sweep_momentum(
     k = cell[2]
     n = grid.cells
     if j >= n[1] or k >= n[2]:
-        return
-    if is_solid(faces[i, j, k]):
         return
     p = stencil[i, j, k]
     total = (

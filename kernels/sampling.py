@@ -12,7 +12,7 @@ from warp_immersed.kernels.grid import VON_KARMAN, Side, boundary_turbulence, bo
 
 wp.set_module_options({"enable_backward": False})
 
-# velocity, k, epsilon, 1 in fluid and 0 in solid, two unused: one aligned load a corner.
+# velocity, k, epsilon, 1 in fluid and 0 in solid, two unused: one load a corner.
 CellState = wp.types.vector(length=8, dtype=wp.float32)
 
 
@@ -52,40 +52,59 @@ def axis_cell(x: float, n: int) -> int:
 
 
 @wp.func
-def corner_index(cells: wp.vec3i, i: int, j: int, k: int, corner: int) -> int:
-    """Flat index of corner 0..7 of the box of cell centres that starts at (i, j, k)."""
-    x = wp.min(i + (corner & 1), cells[0] - 1)
-    y = wp.min(j + ((corner >> 1) & 1), cells[1] - 1)
-    z = wp.min(k + (corner >> 2), cells[2] - 1)
-    return (x * cells[1] + y) * cells[2] + z
+def corner_strides(cells: wp.vec3i, cell: wp.vec3i) -> wp.vec3i:
+    """Steps in the flat index to the next cell along x, y, z; zero at the upper end."""
+    return wp.vec3i(
+        wp.where(cell[0] + 1 < cells[0], cells[1] * cells[2], 0),
+        wp.where(cell[1] + 1 < cells[1], cells[2], 0),
+        wp.where(cell[2] + 1 < cells[2], 1, 0),
+    )
 
 
 @wp.func
-def corner_weight(f: wp.vec3, corner: int) -> float:
-    """Trilinear weight of corner 0..7."""
-    x = wp.where((corner & 1) == 1, f[0], 1.0 - f[0])
-    y = wp.where((corner & 2) == 2, f[1], 1.0 - f[1])
-    z = wp.where(corner > 3, f[2], 1.0 - f[2])
-    return x * y * z
+def mix_cells(field: FlowField, step: int, cell: wp.vec3i, f: wp.vec3) -> CellState:
+    """Trilinear mean over the fluid corners of the box of cell centres at `cell`; zero if all are solid.
 
-
-@wp.func
-def mix_cells(field: FlowField, step: int, i: int, j: int, k: int, f: wp.vec3) -> CellState:
-    """Weighted mean over the fluid corners, [5] the weight they have together; k and epsilon stay as stored if all are solid."""
-    total = CellState()
-    for corner in range(8):
-        total += corner_weight(f, corner) * field.states[step, corner_index(field.cells, i, j, k, corner)]
+    Solid cells are stored as zeros with [5] = 0, so the sum over all corners over its [5] is the mean over the fluid ones.
+    """
+    d = corner_strides(field.cells, cell)
+    a = (cell[0] * field.cells[1] + cell[1]) * field.cells[2] + cell[2]
+    b = a + d[1]
+    near = 1.0 - f[2]
+    low = (1.0 - f[1]) * (near * field.states[step, a] + f[2] * field.states[step, a + d[2]])
+    low += f[1] * (near * field.states[step, b] + f[2] * field.states[step, b + d[2]])
+    a += d[0]
+    b += d[0]
+    high = (1.0 - f[1]) * (near * field.states[step, a] + f[2] * field.states[step, a + d[2]])
+    high += f[1] * (near * field.states[step, b] + f[2] * field.states[step, b + d[2]])
+    total = (1.0 - f[0]) * low + f[0] * high
     if total[5] > 0.0:
-        return total / total[5]
+        return (1.0 / total[5]) * total
     return total
 
 
 @wp.func
-def far_flow(field: FlowField, position: wp.vec3) -> FlowSample:
+def lower_cell(cells: wp.vec3i, x: wp.vec3) -> wp.vec3i:
+    """The lowest of the eight cells whose centres surround a point x (in cells from the first centre)."""
+    return wp.vec3i(axis_cell(x[0], cells[0]), axis_cell(x[1], cells[1]), axis_cell(x[2], cells[2]))
+
+
+@wp.func
+def fraction(x: wp.vec3, cell: wp.vec3i) -> wp.vec3:
+    """Where a point lies between cell centres, each in 0..1."""
+    return wp.vec3(
+        wp.clamp(x[0] - float(cell[0]), 0.0, 1.0),
+        wp.clamp(x[1] - float(cell[1]), 0.0, 1.0),
+        wp.clamp(x[2] - float(cell[2]), 0.0, 1.0),
+    )
+
+
+@wp.func
+def far_flow(far: Side, position: wp.vec3) -> FlowSample:
     """The flow away from the grid."""
     sample = FlowSample()
-    t = boundary_turbulence(field.far, position[1])
-    sample.velocity = boundary_velocity(field.far, position[1])
+    t = boundary_turbulence(far, position[1])
+    sample.velocity = boundary_velocity(far, position[1])
     sample.k = t[0]
     sample.epsilon = t[1]
     return sample
@@ -98,31 +117,33 @@ def time_fraction(field: FlowField, time: float) -> float:
 
 
 @wp.func
+def first_step(field: FlowField, time: float) -> int:
+    """The snapshot before a time."""
+    if field.steps == 1:
+        return 0
+    return wp.min(int(time_fraction(field, time)), field.steps - 2)
+
+
+@wp.func
 def sample_flow(field: FlowField, position: wp.vec3, time: float) -> FlowSample:
     """Mean flow and turbulence at a position [m] and time [s]; at rest with k = epsilon = 0 deep inside an obstacle."""
     if field.steps == 0:
-        return far_flow(field, position)
+        return far_flow(field.far, position)
     x = wp.cw_mul(position - field.origin, field.inverse)
-    n = field.cells
-    i = axis_cell(x[0], n[0])
-    j = axis_cell(x[1], n[1])
-    k = axis_cell(x[2], n[2])
-    f = wp.vec3(wp.clamp(x[0] - float(i), 0.0, 1.0), wp.clamp(x[1] - float(j), 0.0, 1.0), wp.clamp(x[2] - float(k), 0.0, 1.0))
-    state = CellState()
-    if field.steps == 1:
-        state = mix_cells(field, 0, i, j, k, f)
-    else:
-        t = time_fraction(field, time)
-        first = wp.min(int(t), field.steps - 2)
-        a = t - float(first)
-        state = (1.0 - a) * mix_cells(field, first, i, j, k, f) + a * mix_cells(field, first + 1, i, j, k, f)
+    cell = lower_cell(field.cells, x)
+    f = fraction(x, cell)
+    state = mix_cells(field, first_step(field, time), cell, f)
+    if field.steps > 1:
+        first = first_step(field, time)
+        a = time_fraction(field, time) - float(first)
+        state = (1.0 - a) * state + a * mix_cells(field, first + 1, cell, f)
     sample = FlowSample()
     sample.velocity = wp.vec3(state[0], state[1], state[2])
     sample.k = state[3]
     sample.epsilon = state[4]
-    outside = distance_outside(field, x)
+    outside = distance_outside(field.cells, field.inverse, x)
     if outside > 0.0:
-        far = far_flow(field, position)
+        far = far_flow(field.far, position)
         a = wp.min(outside / field.fade, 1.0)
         a = a * a * (3.0 - 2.0 * a)
         sample.velocity = (1.0 - a) * sample.velocity + a * far.velocity
@@ -132,24 +153,31 @@ def sample_flow(field: FlowField, position: wp.vec3, time: float) -> FlowSample:
 
 
 @wp.func
-def distance_outside(field: FlowField, x: wp.vec3) -> float:
-    """Distance [m] from the grid's box, 0 inside; x in cells from the first centre. An axis of one cell has no end."""
-    total = float(0.0)
-    for axis in range(3):
-        n = field.cells[axis]
-        if n > 1:
-            d = wp.max(wp.max(-0.5 - x[axis], x[axis] - float(n) + 0.5), 0.0) / field.inverse[axis]
-            total += d * d
-    return wp.sqrt(total)
+def beyond(x: float, n: int) -> float:
+    """How far a coordinate (in cells from the first centre) lies outside the grid [cells]. An axis of one cell has no end."""
+    if n == 1:
+        return 0.0
+    return wp.max(wp.max(-0.5 - x, x - float(n) + 0.5), 0.0)
 
 
 @wp.func
-def gradient_of_step(field: FlowField, step: int, i: int, j: int, k: int, f: wp.vec3, mean: CellState) -> wp.mat33:
+def distance_outside(cells: wp.vec3i, inverse: wp.vec3, x: wp.vec3) -> float:
+    """Distance [m] from the grid's box, 0 inside; x in cells from the first centre."""
+    d = wp.vec3(beyond(x[0], cells[0]), beyond(x[1], cells[1]), beyond(x[2], cells[2]))
+    if d[0] + d[1] + d[2] == 0.0:
+        return 0.0
+    return wp.length(wp.cw_div(d, inverse))
+
+
+@wp.func
+def gradient_of_step(field: FlowField, step: int, cell: wp.vec3i, f: wp.vec3, mean: CellState) -> wp.mat33:
     """Derivative of the trilinear interpolation with solid corners held at the mean of the fluid ones."""
     gradient = wp.mat33()
     center = wp.vec3(mean[0], mean[1], mean[2])
+    d = corner_strides(field.cells, cell)
+    base = (cell[0] * field.cells[1] + cell[1]) * field.cells[2] + cell[2]
     for corner in range(8):
-        state = field.states[step, corner_index(field.cells, i, j, k, corner)]
+        state = field.states[step, base + (corner & 1) * d[0] + ((corner >> 1) & 1) * d[1] + (corner >> 2) * d[2]]
         if state[5] > 0.0:
             x = wp.where((corner & 1) == 1, f[0], 1.0 - f[0])
             y = wp.where((corner & 2) == 2, f[1], 1.0 - f[1])
@@ -164,13 +192,13 @@ def gradient_of_step(field: FlowField, step: int, i: int, j: int, k: int, f: wp.
 
 
 @wp.func
-def far_gradient(field: FlowField, position: wp.vec3) -> wp.mat33:
+def far_gradient(far: Side, position: wp.vec3) -> wp.mat33:
     """Gradient of the far field: the shear of the logarithmic profile, or zero."""
     gradient = wp.mat33()
-    above = position[1] - field.far.ground
-    if field.far.friction_velocity > 0.0 and above > 0.0:
-        rate = field.far.friction_velocity / (VON_KARMAN * (above + field.far.roughness))
-        gradient = wp.outer(field.far.velocity, wp.vec3(0.0, rate, 0.0))
+    above = position[1] - far.ground
+    if far.friction_velocity > 0.0 and above > 0.0:
+        rate = far.friction_velocity / (VON_KARMAN * (above + far.roughness))
+        gradient = wp.outer(far.velocity, wp.vec3(0.0, rate, 0.0))
     return gradient
 
 
@@ -178,19 +206,16 @@ def far_gradient(field: FlowField, position: wp.vec3) -> wp.mat33:
 def sample_gradient(field: FlowField, position: wp.vec3, time: float) -> wp.mat33:
     """Gradient of the mean velocity [1/s], [i, j] = d u_i / d x_j; that of the far field outside the grid."""
     if field.steps == 0:
-        return far_gradient(field, position)
+        return far_gradient(field.far, position)
     x = wp.cw_mul(position - field.origin, field.inverse)
-    if distance_outside(field, x) > 0.0:
-        return far_gradient(field, position)
-    n = field.cells
-    i = axis_cell(x[0], n[0])
-    j = axis_cell(x[1], n[1])
-    k = axis_cell(x[2], n[2])
-    f = wp.vec3(wp.clamp(x[0] - float(i), 0.0, 1.0), wp.clamp(x[1] - float(j), 0.0, 1.0), wp.clamp(x[2] - float(k), 0.0, 1.0))
+    if distance_outside(field.cells, field.inverse, x) > 0.0:
+        return far_gradient(field.far, position)
+    cell = lower_cell(field.cells, x)
+    f = fraction(x, cell)
     step = int(0)
     if field.steps > 1:
         step = int(time_fraction(field, time) + 0.5)
-    return gradient_of_step(field, step, i, j, k, f, mix_cells(field, step, i, j, k, f))
+    return gradient_of_step(field, step, cell, f, mix_cells(field, step, cell, f))
 
 
 @wp.kernel

@@ -222,7 +222,6 @@ def sweep_turbulence(
     grid: Grid,
     first_plane: int,
     color: int,
-    faces: wp.array3d(dtype=int),
     k_equation: wp.array3d(dtype=Stencil),
     epsilon_equation: wp.array3d(dtype=Stencil),
     turbulence: wp.array3d(dtype=wp.vec2),
@@ -235,8 +234,6 @@ def sweep_turbulence(
     k = cell[2]
     n = grid.cells
     if j >= n[1] or k >= n[2]:
-        return
-    if is_solid(faces[i, j, k]):
         return
     p = k_equation[i, j, k]
     q = epsilon_equation[i, j, k]

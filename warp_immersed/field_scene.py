@@ -45,6 +45,9 @@ class DomainTable(Table):
             raise ValueError("cells and spacing are both given; keep one of them")
         if any(a >= b for a, b in zip(self.lower, self.upper, strict=True)):
             raise ValueError("lower must be below upper along every axis")
+        for name, n in zip("xyz", self.cells or (), strict=False):
+            if n < 1 or n == 2:
+                raise ValueError(f"cells along {name}: found {n}, must be 1 (left out) or at least 3")
         return self
 
 
@@ -181,6 +184,8 @@ class FieldScene:
             raise InputError(f"{name}: is not TOML: {error}") from error
         except ValidationError as error:
             raise InputError(f"{name}: {explain(error)}") from error
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from error
 
     def boundaries(self) -> tuple[Boundary, ...]:
         """What is given on x_min, x_max, y_min, y_max, z_min, z_max."""
@@ -250,7 +255,7 @@ def choose_cells(tables: FieldTables) -> tuple[int, int, int]:
         spacing = min([min(size) / CELLS_ACROSS, *(edge / CELLS_PER_OBSTACLE for edge in edges)])
         spacing = max(spacing, (prod(size) / DEFAULT_CELLS) ** (1.0 / 3.0))
     if not isfinite(spacing) or prod(length / spacing for length in size) > 1e12:
-        raise ValueError("spacing is far too small for the domain")
+        raise InputError(f"domain.spacing: found {spacing!r}, is far too small for the domain; make it larger")
     a, b, c = (max(1, round(length / spacing)) for length in size)
     return a, b, c
 

@@ -150,7 +150,7 @@ class KEpsilonSolver:
         plan.add(flow.assemble_momentum, shape, inputs)
         for _ in range(self.sweeps):
             for color in (0, 1):
-                inputs = [grid, FIRST_PLANE, color, faces, self.stencil, self.residual, self.change]
+                inputs = [grid, FIRST_PLANE, color, self.stencil, self.residual, self.change]
                 plan.add(flow.sweep_momentum, half_dim(shape), inputs)
         inputs = [grid, FIRST_PLANE, coupling, faces, sides, self.velocity, self.change, self.gradient, self.pressure, *fluxes]
         plan.add(pressure.predict_fluxes, shape, inputs)
@@ -176,7 +176,7 @@ class KEpsilonSolver:
         plan.add(transport.assemble_turbulence, shape, inputs)
         for _ in range(self.sweeps):
             for color in (0, 1):
-                inputs = [grid, FIRST_PLANE, color, faces, self.k_equation, self.epsilon_equation, self.turbulence]
+                inputs = [grid, FIRST_PLANE, color, self.k_equation, self.epsilon_equation, self.turbulence]
                 plan.add(transport.sweep_turbulence, half_dim(shape), inputs)
 
     def step(self, count: int = 1) -> None:
