@@ -6,7 +6,6 @@ Sides x-, x+, y-, y+, z-, z+ are faces 0..5 of every cell; flux_x[i] is the velo
 """
 
 import warp as wp
-
 from warp_immersed.kernels.grid import (
     INLET,
     OBSTACLE,
@@ -98,7 +97,8 @@ def differentiate_velocity(
     )
     if n[2] > 1:
         dz_out[i, j, k] = inv[2] * (
-            velocity_at_face(code, 5, u, velocity[i, j, k1], y, sides) - velocity_at_face(code, 4, u, velocity[i, j, k0], y, sides)
+            velocity_at_face(code, 5, u, velocity[i, j, k1], y, sides)
+            - velocity_at_face(code, 4, u, velocity[i, j, k0], y, sides)
         )
 
 
@@ -197,7 +197,7 @@ def assemble_momentum(
     gradient_out: wp.array3d(dtype=wp.vec3),
     change_out: wp.array3d(dtype=wp.vec3),
 ):
-    """Residual of the steady momentum equation [m/s^2], the implicit equation of the change, grad p, and a first guess of the change.
+    """Residual of the steady momentum equation [m/s^2], the implicit equation of its change, grad p, and a first guess.
 
     Convection is in the form u . grad u, so that a flux that is not yet divergence-free makes no momentum; second order
     as a deferred correction (linear upwind, limited).

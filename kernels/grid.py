@@ -88,7 +88,10 @@ def side_of(kind: int, face: int) -> int:
 
 @wp.func
 def boundary_velocity(side: Side, height: float) -> wp.vec3:
-    """Velocity given on a side [m/s] at `height` [m]; u* / kappa ln((y + z0) / z0) for a logarithmic inlet (Richards and Hoxey 1993)."""
+    """Velocity given on a side [m/s] at `height` [m].
+
+    A logarithmic inlet has u* / kappa ln((y + z0) / z0), y above its ground (Richards and Hoxey 1993).
+    """
     if side.friction_velocity > 0.0:
         above = wp.max(height - side.ground, 0.0)
         return side.velocity * (side.friction_velocity / VON_KARMAN * wp.log((above + side.roughness) / side.roughness))
@@ -107,7 +110,7 @@ def boundary_turbulence(side: Side, height: float) -> wp.vec2:
 
 @wp.func
 def red_black_cell(first_plane: int, i: int, j: int, k: int, color: int, cells: wp.vec3i) -> wp.vec3i:
-    """The cell of one colour of the checkerboard that thread (i, j, k) works on; the halved axis is z, or y where z is one cell."""
+    """The cell of one colour of the checkerboard that a thread works on; the axis halved is z, or y where z is one cell."""
     x = first_plane + i
     if cells[2] > 1:
         return wp.vec3i(x, j, 2 * k + ((x + j + color) & 1))

@@ -5,7 +5,6 @@ k and epsilon travel together as wp.vec2 (k [m^2/s^2], epsilon [m^2/s^3]).
 """
 
 import warp as wp
-
 from warp_immersed.kernels.grid import OBSTACLE, VON_KARMAN, WALL, Grid, Side, face_kind, is_solid, side_of
 
 wp.set_module_options({"enable_backward": False})

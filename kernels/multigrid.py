@@ -5,7 +5,6 @@ face over the cell size squared [1/m^2]; the stencil holds the six w_f, 1 / (sum
 """
 
 import warp as wp
-
 from warp_immersed.kernels.grid import Grid, Stencil, next_cell, previous_cell, red_black_cell
 
 wp.set_module_options({"enable_backward": False})

@@ -1,7 +1,6 @@
 """Coupling of pressure and velocity: face fluxes, their divergence, and the projection that removes it."""
 
 import warp as wp
-
 from warp_immersed.kernels.grid import (
     INLET,
     OPEN,
@@ -159,7 +158,10 @@ def project(
     flux_y: wp.array3d(dtype=float),
     flux_z: wp.array3d(dtype=float),
 ):
-    """velocity += change - grad(potential), fluxes likewise, pressure += pressure_factor * potential (potential [m^2/s], factor [1/s])."""
+    """velocity += change - grad(potential), fluxes likewise, pressure += pressure_factor * potential.
+
+    potential [m^2/s], pressure_factor [1/s].
+    """
     i, j, k = wp.tid()
     i += first_plane
     code = faces[i, j, k]

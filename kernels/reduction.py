@@ -1,7 +1,6 @@
 """Sums in a fixed order: one thread a plane, so that they do not depend on the number of threads."""
 
 import warp as wp
-
 from warp_immersed.kernels.grid import is_solid
 
 wp.set_module_options({"enable_backward": False})

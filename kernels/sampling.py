@@ -7,7 +7,6 @@ A field without cells (steps = 0) is the far field alone: uniform, or a logarith
 """
 
 import warp as wp
-
 from warp_immersed.kernels.grid import VON_KARMAN, Side, boundary_turbulence, boundary_velocity
 
 wp.set_module_options({"enable_backward": False})
@@ -212,9 +211,9 @@ def sample_gradient(field: FlowField, position: wp.vec3, time: float) -> wp.mat3
         return far_gradient(field.far, position)
     cell = lower_cell(field.cells, x)
     f = fraction(x, cell)
-    step = int(0)
-    if field.steps > 1:
-        step = int(time_fraction(field, time) + 0.5)
+    step = first_step(field, time)
+    if field.steps > 1 and time_fraction(field, time) - float(step) > 0.5:
+        step += 1
     return gradient_of_step(field, step, cell, f, mix_cells(field, step, cell, f))
 
 

@@ -1,7 +1,6 @@
 """Implicit transport of k and epsilon: limited second-order convection, nu_T diffusion, Patankar sources, red-black sweeps."""
 
 import warp as wp
-
 from warp_immersed.kernels.grid import (
     INLET,
     OPEN,
@@ -105,7 +104,7 @@ def transport_face(
     height: float,
     sides: wp.array(dtype=Side),
 ) -> wp.vec4:
-    """One face's share of the equations: (coefficient of k, of epsilon, source of k, of epsilon) [1/s, and units of the field per s].
+    """One face's share of the equations: coefficients of k and of epsilon [1/s], sources of k and of epsilon.
 
     flux: velocity out of the cell through the face over the cell size [1/s]; slopes point out of the cell; diffusion is nu.
     """

@@ -1,7 +1,6 @@
 """Which cells of a grid lie inside a closed triangle mesh."""
 
 import warp as wp
-
 from warp_immersed.kernels.grid import Grid
 
 wp.set_module_options({"enable_backward": False})

@@ -14,7 +14,7 @@ lower = [-4.0, 0.0, 0.0]
 upper = [12.0, 6.0, 8.0]
 cells = [16, 6, 8]
 [boundary]
-x_min = { kind = "inlet", profile = "log", reference_speed = 5.0, reference_height = 10.0, roughness = 0.05, direction = [1, 0, 0] }
+x_min = { kind = "inlet", profile = "log", reference_speed = 5.0, reference_height = 10, direction = [1, 0, 0], roughness = 0.05 }
 x_max = { kind = "outlet" }
 y_min = { kind = "wall", roughness = 0.05 }
 y_max = { kind = "slip" }

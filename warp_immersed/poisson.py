@@ -26,7 +26,7 @@ class Faces:
 
 @dataclass(frozen=True)
 class Level:
-    """One grid of the hierarchy on the device: equation, unknown x, right-hand side b, and cells merged an axis from the finer one."""
+    """One grid of the hierarchy on the device: its equation, unknown x and right-hand side b; factor: finer cells an axis."""
 
     grid: Any
     factor: tuple[int, int, int]
@@ -47,7 +47,7 @@ def fine_faces(codes: NDArray[np.int32]) -> Faces:
         outlets.append((kinds == 4).astype(float))
         if codes.shape[axis] == 1:
             opened[-1][:] = 0.0
-    return Faces(tuple(opened), tuple(outlets))  # type: ignore[arg-type]
+    return Faces((opened[0], opened[1], opened[2]), (outlets[0], outlets[1], outlets[2]))
 
 
 def merge_faces(faces: Array, axis: int, factor: tuple[int, int, int]) -> Array:

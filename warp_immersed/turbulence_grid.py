@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warp_immersed.boundaries import Boundary, Inlet, LogInlet, Vector
+from warp_immersed.boundaries import Inlet, LogInlet, Vector
 from warp_immersed.errors import InputError
 from warp_immersed.kernels import grid as device_grid
 from warp_immersed.kernels import sampling
@@ -22,7 +22,7 @@ Array = NDArray[np.float32]
 SCHEMA = "warp_immersed turbulence grid"
 SCHEMA_VERSION = 1
 UNITS = {"velocity": "m/s", "k": "m^2/s^2", "epsilon": "m^2/s^3", "fluid": "1", "time": "s"}
-DIMENSIONS = {"velocity": 4, "k": 3, "epsilon": 3}
+STILL = Inlet((0.0, 0.0, 0.0), 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class TurbulenceGrid:
     epsilon: Array
     fluid: NDArray[np.bool_]
     time: NDArray[np.float64] | None = None
-    far: Inlet | LogInlet = Inlet((0.0, 0.0, 0.0), 0.0, 0.0)
+    far: Inlet | LogInlet = STILL
     fade: float | None = None
     scene: str = ""
     provenance: Mapping[str, Any] = field(default_factory=dict)
@@ -200,10 +200,11 @@ def write_grid(file: h5py.File, grid: TurbulenceGrid) -> None:
     if grid.fade is not None:
         file.attrs["fade"] = grid.fade
     file.attrs["provenance"] = json.dumps(dict(grid.provenance))
-    arrays = {"velocity": grid.velocity, "k": grid.k, "epsilon": grid.epsilon, "fluid": grid.fluid.astype(np.uint8)}
+    arrays: dict[str, NDArray[Any]] = {"velocity": grid.velocity, "k": grid.k, "epsilon": grid.epsilon}
+    arrays = {name: value.astype(np.float32) for name, value in arrays.items()}
+    arrays["fluid"] = grid.fluid.astype(np.uint8)
     for name, value in arrays.items():
-        data = value if value.dtype == np.uint8 else value.astype(np.float32)
-        file.create_dataset(name, data=data, chunks=True, compression="gzip", shuffle=True).attrs["units"] = UNITS[name]
+        file.create_dataset(name, data=value, chunks=True, compression="gzip", shuffle=True).attrs["units"] = UNITS[name]
     if grid.time is not None:
         file.create_dataset("time", data=grid.time).attrs["units"] = UNITS["time"]
     if grid.history is not None:
@@ -223,7 +224,8 @@ def write_image_data(file: h5py.File, grid: TurbulenceGrid) -> None:
     group.attrs["Direction"] = np.eye(3).ravel()
     cells = group.create_group("CellData")
     last = () if grid.time is None else (-1,)
-    arrays = {"velocity": grid.velocity[last], "k": grid.k[last], "epsilon": grid.epsilon[last], "fluid": grid.fluid.astype(np.uint8)}
+    arrays: dict[str, NDArray[Any]] = {"velocity": grid.velocity[last], "k": grid.k[last], "epsilon": grid.epsilon[last]}
+    arrays["fluid"] = grid.fluid.astype(np.uint8)
     for name, value in arrays.items():
         order = (2, 1, 0, 3)[: value.ndim]
         cells.create_dataset(name, data=value.transpose(order), chunks=True, compression="gzip", shuffle=True)
@@ -239,7 +241,7 @@ def read_grid(file: h5py.File) -> TurbulenceGrid:
     far = json.loads(file.attrs["far"])
     kind = far.pop("kind")
     far = {name: tuple(value) if isinstance(value, list) else value for name, value in far.items()}
-    boundary: Boundary = Inlet(**far) if kind == "uniform" else LogInlet(**far)
+    boundary: Inlet | LogInlet = Inlet(**far) if kind == "uniform" else LogInlet(**far)
     lower, spacing = (tuple(float(x) for x in file.attrs[name]) for name in ("lower", "spacing"))
     return TurbulenceGrid(
         lower=lower,  # type: ignore[arg-type]
