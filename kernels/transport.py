@@ -155,7 +155,7 @@ def assemble_turbulence(
 
     Sinks, and deferred corrections that are negative, go to the diagonal as a rate times the unknown (Patankar 1980,
     section 7.2), so that every sweep keeps k and epsilon positive. C_1 epsilon/k G is written C_1 C_mu k 2 S_ij S_ij.
-    epsilon next to walls is fixed.
+    epsilon next to walls is fixed. A source of (0, 0, -1) means that the sources of the cell are dealt with elsewhere.
     """
     i, j, k = wp.tid()
     i += first_plane
@@ -197,7 +197,7 @@ def assemble_turbulence(
     total = w + e + s + m + b + f
     made = source[i, j, k]
     own_k = wp.max(t[0], FLOOR)
-    rate = t[1] / own_k
+    rate = wp.where(made[2] < 0.0, 0.0, t[1] / own_k)
     diagonal = inverse_dt + total[0] + rate + wp.max(-total[2], 0.0) / own_k
     rhs = inverse_dt * t[0] + made[0] + wp.max(total[2], 0.0)
     if code != 0:

@@ -164,18 +164,18 @@ class KEpsilonSolver:
         inputs = [grid, FIRST_PLANE, factor, faces, potential.x, self.velocity, self.change, self.pressure, *fluxes]
         plan.add(pressure.project, shape, inputs)
         if self.setup.turbulent:
-            self.record_turbulence(plan)
+            self.add_transport(plan, 1.0 / self.dt, self.source, fluxes)
         self.check_plan.add(pressure.diverge, shape, [grid, FIRST_PLANE, faces, *fluxes, self.divergence])
         inputs = [FIRST_PLANE, faces, self.velocity, self.turbulence, self.velocity_before, self.turbulence_before]
         self.check_plan.add(reduction.measure_change, shape[:2], [*inputs, self.divergence, self.sums])
 
-    def record_turbulence(self, plan: LaunchPlan) -> None:
-        """Append the transport of k and epsilon."""
+    def add_transport(self, plan: LaunchPlan, inverse_dt: float, source: wp.array, fluxes: list[wp.array]) -> None:
+        """Append the transport of k and epsilon by the fluxes and nu_T, with their sources."""
         grid, faces, shape = self.grid, self.faces, self.setup.cells
         slopes = [self.slope_x, self.slope_y, self.slope_z]
         plan.add(transport.difference_turbulence, shape, [grid, FIRST_PLANE, faces, self.sides, self.turbulence, *slopes])
-        inputs = [grid, FIRST_PLANE, self.setup.viscosity, 1.0 / self.dt, faces, self.sides, self.turbulence, *slopes]
-        inputs += [self.eddy, self.source, self.flux_x, self.flux_y, self.flux_z, self.k_equation, self.epsilon_equation]
+        inputs = [grid, FIRST_PLANE, self.setup.viscosity, inverse_dt, faces, self.sides, self.turbulence, *slopes]
+        inputs += [self.eddy, source, *fluxes, self.k_equation, self.epsilon_equation]
         plan.add(transport.assemble_turbulence, shape, inputs)
         for _ in range(self.sweeps):
             for color in (0, 1):
