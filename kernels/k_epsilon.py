@@ -18,6 +18,7 @@ SIGMA_EPSILON = wp.constant(1.3)
 SMOOTH_WALL = wp.constant(9.8)  # E of the logarithmic law
 LAMINAR_Y_PLUS = wp.constant(11.53)  # where y+ = ln(E y+) / kappa
 FLOOR = wp.constant(1.0e-12)
+CEILING = wp.constant(1.0e18)  # keeps k^2 finite in single precision
 
 
 @wp.func
@@ -76,8 +77,8 @@ def advance_sources(t: wp.vec2, strain: float, dt: float) -> wp.vec2:
     gain = log_bracket(x, a * dt / chi)
     loss = log_bracket(x, b * dt * chi)
     growth = wp.min(gain / (C_1 - 1.0) - loss / b, 60.0)
-    k = wp.max(t[0] * wp.exp(growth), FLOOR)
-    return wp.vec2(k, wp.max(k * chi * wp.exp(gain - loss), FLOOR))
+    k = wp.clamp(t[0] * wp.exp(growth), FLOOR, CEILING)
+    return wp.vec2(k, wp.clamp(k * chi * wp.exp(gain - loss), FLOOR, CEILING))
 
 
 @wp.kernel
