@@ -68,7 +68,7 @@ def log_bracket(x: float, slope: float) -> float:
 def advance_sources(t: wp.vec2, strain: float, dt: float) -> wp.vec2:
     """(k, epsilon) after dt [s] of production and dissipation alone, exactly, at any dt; strain = 2 S_ij S_ij [1/s^2], held.
 
-    chi = epsilon/k obeys d chi/dt = a - b chi^2 with a = (C_1 - 1) C_mu strain, b = C_2 - 1; both k and chi follow in closed form.
+    chi = epsilon/k obeys d chi/dt = a - b chi^2 with a = (C_1 - 1) C_mu strain, b = C_2 - 1; k and chi follow in closed form.
     """
     chi = t[1] / t[0]
     a = (C_1 - 1.0) * C_MU * strain

@@ -143,7 +143,8 @@ def convect(
 ):
     """velocity + dt/2 residual, and (k, epsilon), at the departure point of every fluid cell.
 
-    midway: velocity extrapolated to the middle of the step; the path is its midpoint rule. residual [m/s^2] is viscous stress less grad p: half of it acts where the parcel left, half where it arrives.
+    midway: velocity extrapolated to the middle of the step; the path follows it by the midpoint rule.
+    residual [m/s^2] is viscous stress less grad p: half of it acts where the parcel left, half where it arrives.
     """
     i, j, k = wp.tid()
     i += first_plane

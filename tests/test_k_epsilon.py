@@ -2,11 +2,12 @@ import numpy as np
 import pytest
 import warp as wp
 from flow_cases import backward_step, centers, cube_in_wind, decaying_duct, periodic_box, reattachment
+from warp_immersed.kernels import k_epsilon as device
+
 from warp_immersed.boundaries import Inlet, LogInlet, Outlet, Periodic, Slip, Wall
 from warp_immersed.errors import InputError
 from warp_immersed.flow_setup import FlowSetup
 from warp_immersed.k_epsilon import DivergedError, KEpsilonSolver
-from warp_immersed.kernels import k_epsilon as device
 from warp_immersed.launch_plan import LaunchPlan
 from warp_immersed.poisson import add_v_cycle
 from warp_immersed.unsteady import UnsteadySolver

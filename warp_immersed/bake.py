@@ -4,19 +4,22 @@ import hashlib
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import ceil, pi, sin
 from pathlib import Path
 
 import numpy as np
 import warp as wp
 
 from warp_immersed.errors import InputError
-from warp_immersed.field_scene import FieldScene, far_boundary
+from warp_immersed.field_scene import FieldScene, UnsteadyTable, far_boundary
 from warp_immersed.flow_setup import FlowSetup
 from warp_immersed.k_epsilon import BYTES_PER_CELL, Convergence, KEpsilonSolver, Progress
 from warp_immersed.turbulence_grid import TurbulenceGrid
+from warp_immersed.unsteady import UnsteadySolver
 
 CHECKPOINT_SECONDS = 20.0
+BYTES_PER_SNAPSHOT = 20  # velocity, k, epsilon of a cell
 CELL_STEPS_PER_SECOND = 1.0e6  # of one CPU core, for the estimate shown before a bake
 TYPICAL_STEPS = 400
 
@@ -47,7 +50,9 @@ def plan_bake(scene: FieldScene, device: str = "cpu", threads: int | None = None
         InputError: the grid does not fit into the device's free memory.
     """
     count = int(np.prod(scene.cells))
-    memory = BYTES_PER_CELL * count
+    unsteady = scene.tables.unsteady
+    snapshots = 0 if unsteady is None else ceil(unsteady.duration / unsteady.interval) + 1
+    memory = (BYTES_PER_CELL + 3 * BYTES_PER_SNAPSHOT * snapshots) * count
     target = wp.get_device(device)
     free = target.free_memory if target.is_cuda else os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     needed = memory if target.is_cuda else 2 * memory  # building the hierarchy takes as much again on the host
@@ -69,8 +74,11 @@ def bake(
     resume: bool = False,
     threads: int | None = None,
     progress: Callable[[Progress], None] | None = None,
+    time_progress: Callable[[float], None] | None = None,
 ) -> BakeReport:
     """Solve a field and write it to an HDF5 file; a flow that did not converge is written too, and says so.
+
+    With an [unsteady] table the steady flow is where the flow in time starts, and its snapshots are written.
 
     The state is kept beside the output (`OUTPUT.checkpoint.npz`) while the solve runs, also when it is interrupted, and
     removed at the end.
@@ -78,7 +86,7 @@ def bake(
     Args:
         field: FIELD.toml, or the scene read from it.
         resume: go on from the checkpoint of an interrupted bake of the same field; without one, start.
-        progress: called at every check of the residuals.
+        progress: called at every check of the residuals. time_progress: called with the time [s] of every snapshot.
 
     Raises:
         InputError: the field cannot be used, does not fit, or the checkpoint belongs to another field.
@@ -112,7 +120,11 @@ def bake(
     except KeyboardInterrupt:
         keep(solver, checkpoint, digest)
         raise
-    grid_of(scene, setup, solver, convergence).save(target)
+    grid = grid_of(scene, setup, solver, convergence)
+    if scene.tables.unsteady is not None:
+        keep(solver, checkpoint, digest)
+        grid = in_time(grid, solver, scene.tables.unsteady, time_progress)
+    grid.save(target)
     checkpoint.unlink(missing_ok=True)
     return BakeReport(target, convergence, solver.steps_taken, time.perf_counter() - started)
 
@@ -141,6 +153,29 @@ def grid_of(scene: FieldScene, setup: FlowSetup, solver: KEpsilonSolver, converg
             "converged": convergence.converged,
             "advice": convergence.advice,
         },
+    )
+
+
+def in_time(
+    grid: TurbulenceGrid, solver: KEpsilonSolver, table: UnsteadyTable, progress: Callable[[float], None] | None
+) -> TurbulenceGrid:
+    """The flow in time that starts from a solved one."""
+    gust = table.gust
+
+    def factor(time: float) -> float:
+        return 1.0 if gust is None else 1.0 + gust.amplitude * sin(2.0 * pi * time / gust.period)
+
+    longest = solver.cell / solver.speed / (1.0 + (gust.amplitude if gust else 0.0))
+    steps = ceil(table.interval / longest)
+    unsteady = UnsteadySolver(solver, table.interval / steps, gust=None if gust is None else factor)
+    flow = unsteady.snapshots(table.duration, table.interval, progress)
+    fluid = grid.fluid
+    return replace(
+        grid,
+        time=flow.time,
+        velocity=np.where(fluid[..., None], flow.velocity, 0.0).astype(np.float32),
+        k=np.where(fluid, flow.k, 0.0).astype(np.float32),
+        epsilon=np.where(fluid, flow.epsilon, 0.0).astype(np.float32),
     )
 
 

@@ -128,6 +128,17 @@ class SolverTable(Table):
     tolerance: Positive = 2e-5
 
 
+class GustTable(Table):
+    amplitude: Annotated[float, Field(ge=0.0, lt=1.0)]
+    period: Positive
+
+
+class UnsteadyTable(Table):
+    duration: Positive
+    interval: Positive
+    gust: GustTable | None = None
+
+
 class InitialTable(Table):
     velocity: Three | None = None
     k: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | None = None
@@ -145,6 +156,7 @@ class FieldTables(Table):
     obstacle: tuple[ObstacleTable, ...] = ()
     solver: SolverTable = SolverTable()
     initial: InitialTable = InitialTable()
+    unsteady: UnsteadyTable | None = None
 
 
 class FieldScene:

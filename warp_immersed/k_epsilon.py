@@ -64,7 +64,7 @@ class KEpsilonSolver:
         setup: the flow.
         device: Warp device, "cpu" or "cuda:0".
         cfl: time step times reference speed over cell size; 10 damps the unsteadiness of thin shear layers, 5 is safer.
-        pressure_relaxation: share of the pressure increment that is kept; None for .3, less above CFL 10.
+        pressure_relaxation: share of the pressure increment that is kept; None for .2, less above CFL 15.
         sweeps: red-black sweeps of momentum and of k and epsilon a step.
         threads: CPU threads (None: all cores). The result does not depend on it.
         limited: limit second-order convection of momentum; without, plain linear upwind.
@@ -89,7 +89,7 @@ class KEpsilonSolver:
         self.setup = setup
         self.device = wp.get_device(device)
         self.cfl = cfl
-        self.pressure_relaxation = min(0.3, 3.0 / cfl) if pressure_relaxation is None else pressure_relaxation
+        self.pressure_relaxation = min(0.2, 3.0 / cfl) if pressure_relaxation is None else pressure_relaxation
         self.sweeps = sweeps
         self.limited = limited
         self.steps_taken = 0

@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_immersed.boundaries import Inlet, LogInlet
+from warp_immersed.boundaries import Boundary, Inlet, LogInlet
 from warp_immersed.errors import InputError
 from warp_immersed.flow_setup import FlowSetup, device_sides
 from warp_immersed.k_epsilon import DivergedError, KEpsilonSolver
@@ -94,8 +94,8 @@ class UnsteadySolver:
             for color in (0, 1):
                 inputs = [grid, FIRST_PLANE, color, base.stencil, base.residual, base.change]
                 plan.add(flow.sweep_momentum, half_dim(shape), inputs)
-        inputs = [grid, FIRST_PLANE, COUPLING * dt, faces, sides, self.convected, base.change, base.gradient, base.pressure, *fluxes]
-        plan.add(pressure.predict_fluxes, shape, inputs)
+        inputs = [grid, FIRST_PLANE, COUPLING * dt, faces, sides, self.convected, base.change, base.gradient]
+        plan.add(pressure.predict_fluxes, shape, [*inputs, base.pressure, *fluxes])
         potential = base.levels[0]
         for cycle in range(PRESSURE_CYCLES):
             plan.add(pressure.diverge, shape, [grid, FIRST_PLANE, faces, *fluxes, potential.b])
@@ -155,7 +155,7 @@ class UnsteadySolver:
 
 def gusty(setup: FlowSetup, factor: float) -> FlowSetup:
     """The setup with the velocity of its inlets multiplied."""
-    sides = []
+    sides: list[Boundary] = []
     for side in setup.sides:
         if isinstance(side, Inlet):
             x, y, z = side.velocity
