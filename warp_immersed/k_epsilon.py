@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 import warp as wp
@@ -16,6 +17,7 @@ from warp_immersed.poisson import add_v_cycle, build_levels, half_dim
 
 BYTES_PER_CELL = 380  # device memory of the solver, all arrays and the multigrid levels
 CHECK_INTERVAL = 10
+START = 2.0  # flow-throughs that count as the start
 SETTLED = 1e-3
 STATE = ("velocity", "turbulence", "pressure", "flux_x", "flux_y", "flux_z")
 
@@ -64,8 +66,8 @@ class KEpsilonSolver:
         setup: the flow.
         device: Warp device, "cpu" or "cuda:0".
         cfl: time step times reference speed over cell size; 10 damps the unsteadiness of thin shear layers, 5 is safer.
-        pressure_relaxation: share of the pressure increment that is kept; None for .2, less above CFL 15.
-        sweeps: red-black sweeps of momentum and of k and epsilon a step.
+        pressure_relaxation: share of the pressure increment that is kept; None for .5 at the start, then .2, less above CFL 15.
+        sweeps: red-black sweeps of momentum and of k and epsilon a step; None for 4 to CFL 5, 6 at 10.
         threads: CPU threads (None: all cores). The result does not depend on it.
         limited: limit second-order convection of momentum; without, plain linear upwind.
 
@@ -80,7 +82,7 @@ class KEpsilonSolver:
         *,
         cfl: float = 10.0,
         pressure_relaxation: float | None = None,
-        sweeps: int = 4,
+        sweeps: int | None = None,
         threads: int | None = None,
         limited: bool = True,
     ) -> None:
@@ -90,7 +92,7 @@ class KEpsilonSolver:
         self.device = wp.get_device(device)
         self.cfl = cfl
         self.pressure_relaxation = min(0.2, 3.0 / cfl) if pressure_relaxation is None else pressure_relaxation
-        self.sweeps = sweeps
+        self.sweeps = min(max(4, round(2.0 + 0.4 * cfl)), 8) if sweeps is None else sweeps
         self.limited = limited
         self.steps_taken = 0
         self.speed = setup.reference_speed
@@ -101,9 +103,12 @@ class KEpsilonSolver:
         self.flow_through = max(lengths) / self.speed
         self.eddy_cap = max(0.1 * self.speed * max(lengths), 1e5 * setup.viscosity)
         self.allocate()
-        self.plan = LaunchPlan(self.device, threads)
-        self.check_plan = LaunchPlan(self.device, threads)
-        self.record()
+        # Keeping more of the pressure increments settles the start sooner; later it would let thin shear layers oscillate.
+        self.start_steps = ceil(START * self.flow_through / self.dt) if pressure_relaxation is None else 0
+        self.threads = threads
+        self.start_plan = self.record(min(0.5, 5.0 / cfl))
+        self.plan = self.record(self.pressure_relaxation)
+        self.check_plan = self.record_check()
 
     def allocate(self) -> None:
         """Put the state and all work arrays on the device; nothing is allocated later."""
@@ -135,14 +140,14 @@ class KEpsilonSolver:
         wraps = tuple(int(w) for w in self.grid.wraps)
         self.levels = build_levels(codes, wraps, np.array(setup.spacing), device)  # type: ignore[arg-type]
 
-    def record(self) -> None:
-        """Record the launches of one step, and those of a check."""
+    def record(self, pressure_relaxation: float) -> LaunchPlan:
+        """The launches of one step."""
         grid, faces, sides, nu = self.grid, self.faces, self.sides, self.setup.viscosity
         shape = self.setup.cells
         fluxes = [self.flux_x, self.flux_y, self.flux_z]
         gradients = [self.dx, self.dy, self.dz]
         coupling = 0.5 * self.cell / self.speed
-        plan = self.plan
+        plan = LaunchPlan(self.device, self.threads)
         plan.add(flow.differentiate_velocity, shape, [grid, FIRST_PLANE, faces, sides, self.velocity, *gradients])
         if self.setup.turbulent:
             inputs = [grid, FIRST_PLANE, nu, self.eddy_cap, faces, sides, self.velocity, self.turbulence, *gradients]
@@ -160,14 +165,22 @@ class KEpsilonSolver:
         potential = self.levels[0]
         plan.add(pressure.diverge, shape, [grid, FIRST_PLANE, faces, *fluxes, potential.b])
         add_v_cycle(plan, self.levels)
-        factor = self.pressure_relaxation / self.dt
+        factor = pressure_relaxation / self.dt
         inputs = [grid, FIRST_PLANE, factor, faces, potential.x, self.velocity, self.change, self.pressure, *fluxes]
         plan.add(pressure.project, shape, inputs)
         if self.setup.turbulent:
             self.add_transport(plan, 1.0 / self.dt, self.source, fluxes)
-        self.check_plan.add(pressure.diverge, shape, [grid, FIRST_PLANE, faces, *fluxes, self.divergence])
-        inputs = [FIRST_PLANE, faces, self.velocity, self.turbulence, self.velocity_before, self.turbulence_before]
-        self.check_plan.add(reduction.measure_change, shape[:2], [*inputs, self.divergence, self.sums])
+        return plan
+
+    def record_check(self) -> LaunchPlan:
+        """The launches that measure what a step changed."""
+        shape = self.setup.cells
+        plan = LaunchPlan(self.device, self.threads)
+        fluxes = [self.flux_x, self.flux_y, self.flux_z]
+        plan.add(pressure.diverge, shape, [self.grid, FIRST_PLANE, self.faces, *fluxes, self.divergence])
+        inputs = [FIRST_PLANE, self.faces, self.velocity, self.turbulence, self.velocity_before, self.turbulence_before]
+        plan.add(reduction.measure_change, shape[:2], [*inputs, self.divergence, self.sums])
+        return plan
 
     def add_transport(self, plan: LaunchPlan, inverse_dt: float, source: wp.array, fluxes: list[wp.array]) -> None:
         """Append the transport of k and epsilon by the fluxes and nu_T, with their sources."""
@@ -185,8 +198,8 @@ class KEpsilonSolver:
     def step(self, count: int = 1) -> None:
         """March `count` steps."""
         for _ in range(count):
-            self.plan.run()
-        self.steps_taken += count
+            (self.start_plan if self.steps_taken < self.start_steps else self.plan).run()
+            self.steps_taken += 1
 
     def measured_step(self) -> Progress:
         """March one step and measure what it changed.
