@@ -12,7 +12,7 @@ from warp_immersed.errors import InputError
 from warp_immersed.flow_setup import FlowSetup, device_geometry, device_sides, face_codes, initial_state
 from warp_immersed.kernels import flow, k_epsilon, pressure, reduction, transport
 from warp_immersed.kernels.grid import Stencil
-from warp_immersed.launch_plan import FIRST_PLANE, LaunchPlan
+from warp_immersed.launch_plan import FIRST_PLANE, LaunchPlan, make_workers
 from warp_immersed.poisson import add_v_cycle, build_levels, half_dim
 
 BYTES_PER_CELL = 380  # device memory of the solver, all arrays and the multigrid levels
@@ -105,7 +105,7 @@ class KEpsilonSolver:
         self.allocate()
         # Keeping more of the pressure increments settles the start sooner; later it would let thin shear layers oscillate.
         self.start_steps = ceil(START * self.flow_through / self.dt) if pressure_relaxation is None else 0
-        self.threads = threads
+        self.workers = make_workers(self.device, threads)
         self.start_plan = self.record(min(0.5, 5.0 / cfl))
         self.plan = self.record(self.pressure_relaxation)
         self.check_plan = self.record_check()
@@ -147,7 +147,7 @@ class KEpsilonSolver:
         fluxes = [self.flux_x, self.flux_y, self.flux_z]
         gradients = [self.dx, self.dy, self.dz]
         coupling = 0.5 * self.cell / self.speed
-        plan = LaunchPlan(self.device, self.threads)
+        plan = LaunchPlan(self.device, self.workers)
         plan.add(flow.differentiate_velocity, shape, [grid, FIRST_PLANE, faces, sides, self.velocity, *gradients])
         if self.setup.turbulent:
             inputs = [grid, FIRST_PLANE, nu, self.eddy_cap, faces, sides, self.velocity, self.turbulence, *gradients]
@@ -175,7 +175,7 @@ class KEpsilonSolver:
     def record_check(self) -> LaunchPlan:
         """The launches that measure what a step changed."""
         shape = self.setup.cells
-        plan = LaunchPlan(self.device, self.threads)
+        plan = LaunchPlan(self.device, self.workers)
         fluxes = [self.flux_x, self.flux_y, self.flux_z]
         plan.add(pressure.diverge, shape, [self.grid, FIRST_PLANE, self.faces, *fluxes, self.divergence])
         inputs = [FIRST_PLANE, self.faces, self.velocity, self.turbulence, self.velocity_before, self.turbulence_before]
@@ -300,9 +300,12 @@ class KEpsilonSolver:
         }
 
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
-        """Everything a later solver of the same setup needs to go on bit for bit."""
-        stored: dict[str, NDArray[np.generic]] = {name: getattr(self, name).numpy().copy() for name in STATE}
-        stored["steps_taken"] = np.array(self.steps_taken)
+        """Everything a later solver of the same setup needs to go on bit for bit from the last `measured_step`.
+
+        It can be taken at any time, also after an interrupt in the middle of a step.
+        """
+        stored: dict[str, NDArray[np.generic]] = {name: kept.numpy().copy() for name, kept in self.good.items()}
+        stored["steps_taken"] = np.array(self.good_step)
         return stored
 
     def restore(self, stored: Mapping[str, NDArray[np.generic]]) -> None:

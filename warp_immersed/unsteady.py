@@ -72,7 +72,7 @@ class UnsteadySolver:
         self.convected_turbulence = wp.clone(base.turbulence)
         self.left_source = wp.zeros_like(base.source)
         self.still = [wp.zeros_like(flux) for flux in (base.flux_x, base.flux_y, base.flux_z)]
-        self.plan = LaunchPlan(base.device, threads if threads is not None else base.plan.threads)
+        self.plan = LaunchPlan(base.device, base.workers)
         self.record()
 
     def record(self) -> None:
