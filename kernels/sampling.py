@@ -124,30 +124,37 @@ def first_step(field: FlowField, time: float) -> int:
 
 
 @wp.func
+def far_share(field: FlowField, x: wp.vec3) -> float:
+    """Share of the far field at x (in cells from the first centre): 0 inside the grid, rising smoothly to 1 at `fade` outside."""
+    if field.steps == 0:
+        return 1.0
+    a = wp.min(distance_outside(field.cells, field.inverse, x) / field.fade, 1.0)
+    return a * a * (3.0 - 2.0 * a)
+
+
+@wp.func
 def sample_flow(field: FlowField, position: wp.vec3, time: float) -> FlowSample:
     """Mean flow and turbulence at a position [m] and time [s]; at rest with k = epsilon = 0 deep inside an obstacle."""
-    if field.steps == 0:
-        return far_flow(field.far, position)
     x = wp.cw_mul(position - field.origin, field.inverse)
-    cell = lower_cell(field.cells, x)
-    f = fraction(x, cell)
-    state = mix_cells(field, first_step(field, time), cell, f)
-    if field.steps > 1:
-        first = first_step(field, time)
-        a = time_fraction(field, time) - float(first)
-        state = (1.0 - a) * state + a * mix_cells(field, first + 1, cell, f)
     sample = FlowSample()
-    sample.velocity = wp.vec3(state[0], state[1], state[2])
-    sample.k = state[3]
-    sample.epsilon = state[4]
-    outside = distance_outside(field.cells, field.inverse, x)
-    if outside > 0.0:
+    share = far_share(field, x)
+    if share < 1.0:
+        cell = lower_cell(field.cells, x)
+        f = fraction(x, cell)
+        first = first_step(field, time)
+        later = time_fraction(field, time) - float(first)
+        state = CellState()
+        for step in range(first, wp.min(first + 2, field.steps)):  # one call, so that it is inlined
+            state += wp.where(step == first, 1.0 - later, later) * mix_cells(field, step, cell, f)
+        state = (1.0 - share) * state
+        sample.velocity = wp.vec3(state[0], state[1], state[2])
+        sample.k = state[3]
+        sample.epsilon = state[4]
+    if share > 0.0:
         far = far_flow(field.far, position)
-        a = wp.min(outside / field.fade, 1.0)
-        a = a * a * (3.0 - 2.0 * a)
-        sample.velocity = (1.0 - a) * sample.velocity + a * far.velocity
-        sample.k = (1.0 - a) * sample.k + a * far.k
-        sample.epsilon = (1.0 - a) * sample.epsilon + a * far.epsilon
+        sample.velocity += share * far.velocity
+        sample.k += share * far.k
+        sample.epsilon += share * far.epsilon
     return sample
 
 

@@ -2,7 +2,7 @@ import h5py
 import numpy as np
 import pytest
 
-from warp_immersed.bake import bake, plan_bake
+from warp_immersed.bake import bake, cached_bake, plan_bake
 from warp_immersed.errors import InputError
 from warp_immersed.field_scene import FieldScene
 from warp_immersed.turbulence_grid import TurbulenceGrid
@@ -106,3 +106,15 @@ def test_too_many_cells_are_refused_before_they_are_allocated():
 def test_a_missing_folder_is_an_input_error(field, tmp_path):
     with pytest.raises(InputError, match="does not exist"):
         bake(field, tmp_path / "none" / "out.h5")
+
+
+def test_a_cached_field_is_baked_once(tmp_path):
+    seen = []
+    scene = FieldScene.parse(FIELD)
+    first = cached_bake(scene, tmp_path / "cache", threads=1, progress=seen.append)
+    count = len(seen)
+    assert count > 0
+    assert cached_bake(scene, tmp_path / "cache", threads=1, progress=seen.append) == first
+    assert len(seen) == count
+    other = FieldScene.parse(FIELD.replace("[1, 1, 1]", "[1, 2, 1]"))
+    assert cached_bake(other, tmp_path / "cache", threads=1) != first

@@ -88,6 +88,18 @@ def test_the_surface_layer_keeps_its_profile():
     np.testing.assert_allclose(fields["k"][-1, low, 0], wind.friction_velocity**2 / 0.3, rtol=0.1)
 
 
+def test_an_oblique_wind_enters_through_two_sides():
+    wind = LogInlet.from_reference((2.0, 0.0, 1.0), 5.0, 10.0, 0.05)
+    sides = (wind, Outlet(), Wall(roughness=0.05), Slip(), wind, Outlet())
+    setup = FlowSetup((0, 0, 0), (60, 30, 60), (15, 12, 15), sides, 1.5e-5)
+    solver = KEpsilonSolver(setup, threads=1)
+    assert solver.solve(1000).converged
+    velocity = solver.fields()["velocity"]
+    np.testing.assert_allclose(velocity[..., 0], 2.0 * velocity[..., 2], atol=0.1)
+    speed = np.array([wind.speed(height) for height in centers(setup, 1)])
+    np.testing.assert_allclose(np.linalg.norm(velocity[7, :, 7], axis=-1), speed, rtol=0.05)
+
+
 @pytest.mark.parametrize("cfl", [2.0, 10.0])
 @pytest.mark.parametrize(
     ("k", "epsilon"), [(None, None), (1e-12, 1e-12), (0.0, 0.0), (1.0, 1e-9), (1e-9, 1.0), (100.0, 1.0)]

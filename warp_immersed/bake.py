@@ -129,6 +129,28 @@ def bake(
     return BakeReport(target, convergence, solver.steps_taken, time.perf_counter() - started)
 
 
+def cached_bake(
+    scene: FieldScene,
+    folder: str | Path,
+    device: str = "cpu",
+    *,
+    threads: int | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    time_progress: Callable[[float], None] | None = None,
+) -> Path:
+    """The bake file of a field in a cache folder, made if it is not there; named by what defines the field.
+
+    Raises:
+        InputError, DivergedError: as `bake`.
+    """
+    digest = setup_digest(scene.setup(device), scene.text)
+    path = Path(folder) / f"field-{digest[:24]}.h5"
+    if not path.is_file():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        bake(scene, path, device, resume=True, threads=threads, progress=progress, time_progress=time_progress)
+    return path
+
+
 def grid_of(scene: FieldScene, setup: FlowSetup, solver: KEpsilonSolver, convergence: Convergence) -> TurbulenceGrid:
     """The solved flow with its provenance."""
     fields = solver.fields()
