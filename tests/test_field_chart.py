@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from warp_immersed.charts.field import chart_field, slice_indices
+from warp_immersed.charts.turbulence_sources import chart_sources, exact, explicit, patankar, relative_error
 from warp_immersed.errors import InputError
 from warp_immersed.turbulence_grid import TurbulenceGrid
 
@@ -36,3 +37,14 @@ def test_a_picture_that_cannot_be_written_is_an_input_error(tmp_path):
     make_grid((16, 8, 1)).save(tmp_path / "field.h5")
     with pytest.raises(InputError, match="cannot be written"):
         chart_field(tmp_path / "field.h5", tmp_path / "none" / "field.png")
+
+
+def test_only_the_explicit_sources_leave_positive_numbers():
+    assert relative_error(explicit, 0.01) < 0.02
+    assert relative_error(explicit, 1.0) == float("inf")
+    assert np.isfinite(relative_error(patankar, 10.0))
+    assert relative_error(exact, 10.0) < 1e-12
+
+
+def test_the_sources_become_a_picture(tmp_path):
+    assert chart_sources(tmp_path / "sources.png").read_bytes().startswith(b"\x89PNG")

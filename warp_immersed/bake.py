@@ -54,7 +54,7 @@ def plan_bake(scene: FieldScene, device: str = "cpu", threads: int | None = None
     snapshots = 0 if unsteady is None else ceil(unsteady.duration / unsteady.interval) + 1
     memory = (BYTES_PER_CELL + 3 * BYTES_PER_SNAPSHOT * snapshots) * count
     target = wp.get_device(device)
-    free = target.free_memory if target.is_cuda else os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    free = target.free_memory if target.is_cuda else available_memory()
     needed = memory if target.is_cuda else 2 * memory  # building the hierarchy takes as much again on the host
     if needed > free:
         raise InputError(
@@ -64,6 +64,18 @@ def plan_bake(scene: FieldScene, device: str = "cpu", threads: int | None = None
     cores = min(threads or os.cpu_count() or 1, max(1, count // 8192))
     seconds = None if target.is_cuda else count * TYPICAL_STEPS / (CELL_STEPS_PER_SECOND * cores)
     return BakePlan(scene.cells, memory, seconds)
+
+
+def available_memory() -> float:
+    """Memory that programs can still get [bytes]; infinite where the system does not tell."""
+    try:
+        with open("/proc/meminfo", encoding="ascii") as lines:
+            for line in lines:
+                if line.startswith("MemAvailable:"):
+                    return 1024.0 * float(line.split()[1])
+        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (OSError, AttributeError, ValueError):
+        return float("inf")
 
 
 def bake(
