@@ -82,6 +82,7 @@ def test_spacing_gives_the_cells_and_the_default_follows_the_obstacle():
         ("box = [[0, 0, 0], [2, 2, 3]]", "", "an obstacle takes either"),
         ("box = [[0, 0, 0], [2, 2, 3]]", "box = [[90, 0, 0], [92, 2, 3]]", "covers no cell centre"),
         ("box = [[0, 0, 0], [2, 2, 3]]", "box = [[-9, -9, -9], [99, 99, 99]]", "fills the whole domain"),
+        ("box = [[0, 0, 0], [2, 2, 3]]", "box = [[0, 0, 0], [2, 6, 8]]", "closes the way from x_min"),
         ("box = [[0, 0, 0], [2, 2, 3]]", 'mesh = "none.obj"', "no such file"),
     ],
 )
@@ -92,6 +93,16 @@ def test_bad_input_is_named_in_one_line(old, new, says):
     message = str(caught.value)
     assert message.startswith("street.toml: ")
     assert "\n" not in message
+
+
+def test_a_sealed_hollow_is_filled():
+    shell = "\n".join(
+        f"[[obstacle]]\nbox = {box}"
+        for box in ("[[0, 0, 0], [5, 1, 5]]", "[[0, 4, 0], [5, 5, 5]]", "[[0, 0, 0], [1, 5, 5]]", "[[4, 0, 0], [5, 5, 5]]",
+                    "[[0, 0, 0], [5, 5, 1]]", "[[0, 0, 4], [5, 5, 5]]")
+    )  # fmt: skip
+    setup = FieldScene.parse(STREET.split("[[obstacle]]")[0] + shell).setup()
+    assert setup.solid.sum() == setup.solid[4:9, :5, :5].sum() == 125
 
 
 def test_missing_and_binary_files_are_input_errors(tmp_path):

@@ -6,6 +6,7 @@ from math import isfinite
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
+from scipy.ndimage import label
 
 from warp_immersed.boundaries import SIDES, Boundary, Inlet, LogInlet, Outlet, Periodic, Slip, Vector, Wall
 from warp_immersed.errors import InputError
@@ -23,7 +24,7 @@ class FlowSetup:
     Args:
         lower, upper: (3,) corners [m]. cells: (3,) cells an axis; an axis of one cell is left out (two-dimensional).
         sides: boundary of x_min, x_max, y_min, y_max, z_min, z_max.
-        solid: (nx, ny, nz) bool, cells inside obstacles; None for none.
+        solid: (nx, ny, nz) bool, cells inside obstacles; None for none. Hollows that no inlet or outlet reaches are filled.
         viscosity: kinematic viscosity nu [m^2/s].
         velocity (3,) [m/s], k [m^2/s^2], epsilon [m^2/s^3]: what the domain starts from; None for what enters.
         turbulent: whether the k-epsilon model acts; without it the flow is laminar.
@@ -56,6 +57,9 @@ class FlowSetup:
             count -= int(np.count_nonzero(self.solid))
         if count == 0:
             raise InputError("obstacle: fills the whole domain, must leave room for the fluid")
+        if self.solid is not None:
+            object.__setattr__(self, "solid", fill_pockets(self))
+            count = int(np.count_nonzero(~self.solid))
         object.__setattr__(self, "fluid_cells", count)
 
     @property
@@ -124,6 +128,26 @@ def check_sides(setup: FlowSetup) -> None:
             raise InputError(f"boundary {SIDES[s]}: wall velocity {list(side.velocity)} must run along the wall")
     if inflow and not any(isinstance(side, Outlet) for side in sides):
         raise InputError("boundary: fluid enters but no side is an outlet; make one (usually opposite the inlet) an outlet")
+
+
+def fill_pockets(setup: FlowSetup) -> NDArray[np.bool_]:
+    """The obstacle mask with the hollows filled that neither an inlet nor an outlet reaches, so that nothing moves there.
+
+    Raises:
+        InputError: obstacles close every way from an inlet to an outlet.
+    """
+    fluid = setup.fluid_mask()
+    sides = setup.effective_sides
+    ends = [s for s, side in enumerate(sides) if isinstance(side, Inlet | LogInlet | Outlet)]
+    if not ends or any(isinstance(side, Periodic) for side in sides):
+        return ~fluid
+    parts, _ = label(fluid)
+    reached = {s: set(np.unique(parts.take(-1 if s % 2 else 0, axis=s // 2))) - {0} for s in ends}
+    open_parts = set().union(*(reached[s] for s in ends if isinstance(sides[s], Outlet)))
+    for s in ends:
+        if reached[s] - open_parts:
+            raise InputError(f"obstacle: closes the way from {SIDES[s]} to every outlet; leave a gap of at least a cell")
+    return ~np.isin(parts, sorted(set().union(*reached.values())))
 
 
 def face_codes(setup: FlowSetup) -> NDArray[np.int32]:

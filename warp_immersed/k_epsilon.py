@@ -137,6 +137,7 @@ class KEpsilonSolver:
         self.sums = wp.zeros((nx, ny), dtype=reduction.Sums, device=device)
         self.good = {name: wp.clone(getattr(self, name)) for name in STATE}  # the last state known to be sound
         self.good_step = 0
+        self.top_speed = 0.0
         wraps = tuple(int(w) for w in self.grid.wraps)
         self.levels = build_levels(codes, wraps, np.array(setup.spacing), device)  # type: ignore[arg-type]
 
@@ -218,6 +219,7 @@ class KEpsilonSolver:
         for name, kept in self.good.items():
             wp.copy(kept, getattr(self, name))
         self.good_step = self.steps_taken
+        self.top_speed = float(np.sqrt(rows[:, 7].max()))
         rate = self.flow_through / self.dt
         velocity = float(np.sqrt(total[0] / self.setup.fluid_cells)) / self.speed * rate
         k = float(total[1] / max(total[2], 1e-30)) * rate
@@ -281,6 +283,12 @@ class KEpsilonSolver:
         if change < SETTLED:
             return f"settled: it keeps oscillating by {change:.1e} a flow-through"
         if self.steps_taken - step > 1:
+            if self.top_speed > 3.0 * self.speed:
+                times = self.top_speed / self.speed
+                return (
+                    f"not converged: the change stays at {change:.1e} a flow-through; somewhere the flow is {times:.0f} times "
+                    f"as fast as what enters, so lower cfl to {2.0 * self.cfl / times:.2g}"
+                )
             low = "raise cfl to 10" if self.cfl < 10.0 else "lower cfl to 5"
             return (
                 f"not converged: the change stays at {change:.1e} a flow-through since step {step}; the flow may have no steady "
