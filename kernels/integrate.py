@@ -6,7 +6,7 @@ import warp as wp
 
 from warp_immersed.kernels.aerodynamics import fastest_rate, quasi_steady_load
 from warp_immersed.kernels.ground import lowest_point, slide, topple
-from warp_immersed.kernels.langevin import initial_seen_wind, next_seen_wind
+from warp_immersed.kernels.langevin import next_air, released_air
 from warp_immersed.kernels.rigid_body import (
     buoyant_load,
     kirchhoff_rates,
@@ -14,6 +14,7 @@ from warp_immersed.kernels.rigid_body import (
     orientation_rate,
     velocities,
 )
+from warp_immersed.kernels.sampling import FlowField
 
 # Warp's own flags, with multiplications and additions fused and without its attempts at packing scalars into vectors:
 # 15 % faster here.
@@ -118,6 +119,7 @@ def advance_quasi_steady(
     first: wp.int32,
     kinds: wp.array(dtype=Any),
     environments: wp.array(dtype=Any),
+    flow: FlowField,
     supports: wp.array(dtype=Any),
     rests: wp.array(dtype=Any),
     clock: wp.array(dtype=wp.int32),
@@ -130,7 +132,7 @@ def advance_quasi_steady(
     orientation: wp.array(dtype=Any),
     momentum: wp.array(dtype=Any),
     angular_momentum: wp.array(dtype=Any),
-    seen_wind: wp.array(dtype=Any),
+    seen_air: wp.array(dtype=Any),
     circulatory_lift: wp.array(dtype=Any),
     position_out: wp.array(dtype=Any),
     orientation_out: wp.array(dtype=Any),
@@ -163,31 +165,35 @@ def advance_quasi_steady(
     q = orientation[i]
     p = momentum[i]
     l = angular_momentum[i]
-    u = seen_wind[i]
+    air = seen_air[i]
     lift = circulatory_lift[i]
     wind_step = environment.wind_step
     zero = wind_step - wind_step
+    frame_time = wp.float32(wind_step) * wp.float32(environment.wind_steps)
     # part of the frame that lies before the body's release
     idle = zero
     if status == WAITING and release_frame[i] <= frame:
         status = MOVING
         idle = release_fraction[i] * wind_step * type(wind_step)(environment.wind_steps)
-        u = initial_seen_wind(environment, kind.random_key, body)
-        p, l = momenta(
-            kind,
-            wp.quat_rotate_inv(q, p - environment.mean_wind - u),
-            wp.quat_rotate_inv(q, l),
-        )
+        air = released_air(environment, flow, x, wp.float32(frame) * frame_time, kind.random_key, body)
+        p, l = momenta(kind, wp.quat_rotate_inv(q, p - air), wp.quat_rotate_inv(q, l))
 
     displacement = x - x
     count = wp.int32(0)
     settling_time = zero  # what is left of the frame after touching the ground
     if status == MOVING:
         for j in range(environment.wind_steps):
-            u_next = next_seen_wind(environment, u, kind.random_key, body, frame * environment.wind_steps + j)
+            step = frame * environment.wind_steps + j
+            here = x + displacement
+            ahead = here
+            if environment.wind_varies != 0:
+                r, w = velocities(kind, p, l)
+                ahead = here + (wp.quat_rotate(q, r) + air) * wind_step
+            now = wp.float32(step) * wp.float32(wind_step)
+            air_next = next_air(environment, flow, air, here, ahead, now, kind.random_key, body, step)
             interval = wp.min(type(wind_step)(j + 1) * wind_step - idle, wind_step)
             if interval > zero and status == MOVING:
-                gust = (u_next - u) / interval
+                gust = (air_next - air) / interval
                 gravity = environment.gravity - gust
                 left = interval
                 while left > zero:
@@ -198,7 +204,7 @@ def advance_quasi_steady(
                     h = left / pieces
                     p_next, l_next, q_next, lift, moved = runge_kutta_4(kind, p, l, q, lift, gravity, h, dp, dl, da, r, w)
                     elapsed = interval - left
-                    moved += (environment.mean_wind + u + gust * (elapsed + h * type(h)(0.5))) * h
+                    moved += (air + gust * (elapsed + h * type(h)(0.5))) * h
                     count += 1
                     left = left - h
                     if pieces < type(left)(1.5):
@@ -224,8 +230,8 @@ def advance_quasi_steady(
                     l = l_next
                     if touched != 0:
                         r, w = velocities(kind, p, l)
-                        air = environment.mean_wind + u + gust * (interval - left)
-                        p = wp.quat_rotate(q, r) + air
+                        air_now = air + gust * (interval - left)
+                        p = wp.quat_rotate(q, r) + air_now
                         l = wp.quat_rotate(q, w)
                         if status == MOVING and kind.net_weight * environment.gravity[1] < zero:
                             status = SETTLING
@@ -239,8 +245,8 @@ def advance_quasi_steady(
                                 environment.ground_height - x[1] - lowest_point(kind, supports, q),
                                 displacement[2],
                             )
-                            p, l = momenta(kind, wp.quat_rotate_inv(q, p - air), wp.quat_rotate_inv(q, l))
-            u = u_next
+                            p, l = momenta(kind, wp.quat_rotate_inv(q, p - air_now), wp.quat_rotate_inv(q, l))
+            air = air_next
     elif status == SETTLING:
         settling_time = wind_step * type(wind_step)(environment.wind_steps)
 
@@ -264,7 +270,7 @@ def advance_quasi_steady(
     angular_velocity = l
     if status == MOVING:
         r, w = velocities(kind, p, l)
-        velocity = wp.quat_rotate(q, r) + environment.mean_wind + u
+        velocity = wp.quat_rotate(q, r) + air
         angular_velocity = wp.quat_rotate(q, w)
     elif status != SETTLING:
         velocity = x - x
@@ -279,7 +285,7 @@ def advance_quasi_steady(
     orientation[i] = q
     momentum[i] = p
     angular_momentum[i] = l
-    seen_wind[i] = u
+    seen_air[i] = air
     circulatory_lift[i] = lift
     substeps_out[i] = count
     position_out[i] = x

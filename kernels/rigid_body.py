@@ -67,9 +67,12 @@ def _structs(real):
         mean_wind: vec3  # [m/s]
         wind_step: real  # time between updates of the seen wind [s]
         wind_steps: wp.int32  # updates in a frame
+        # homogeneous turbulence; where the flow varies, these come from the place (langevin.py)
+        wind_varies: wp.int32
         wind_decay: real  # exp(-wind_step / T_L)
         wind_kick: real  # sigma (1 - decay^2)^(1/2) [m/s]
         wind_sigma: real  # (2 k / 3)^(1/2) [m/s]
+        viscosity: real  # kinematic [m^2/s]
         has_ground: wp.int32
         ground_height: real  # [m]
         seed: wp.uint32

@@ -10,12 +10,14 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_immersed.body_model import BodyModel
+from warp_immersed.boundaries import Inlet, LogInlet
 from warp_immersed.emitters import Emission
 from warp_immersed.errors import InputError
 from warp_immersed.fluid import Fluid
 from warp_immersed.kernels.integrate import WAITING
 from warp_immersed.kernels.rigid_body import BodyKind, BodyKind64, Environment, Environment64
 from warp_immersed.turbulence import STILL, HomogeneousTurbulence, lagrangian_time_scale
+from warp_immersed.turbulence_grid import TurbulenceGrid, far_field
 
 Precision = Literal["float32", "float64"]
 STRUCTS: dict[Precision, tuple[Any, Any]] = {
@@ -26,6 +28,7 @@ STRUCTS: dict[Precision, tuple[Any, Any]] = {
 # The seen wind is renewed at least this often within its time scale T_L, so that its straight pieces keep its dispersion.
 WIND_STEPS_PER_TIME_SCALE = 10
 MOST_WIND_STEPS = 1000
+MOST_GRID_WIND_STEPS = 16
 
 
 @dataclass(frozen=True)
@@ -39,24 +42,26 @@ class Group:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What the bodies move in: fluid; gravity (3,) [m/s^2]; mean_wind (3,) [m/s]; turbulence; ground_height y [m] or None."""
+    """What the bodies move in: fluid; gravity (3,) [m/s^2]; ground_height y [m] or None; and either a uniform mean_wind (3,)
+    [m/s] with homogeneous turbulence, or a flow that varies in space (a baked grid, or a logarithmic wind)."""
 
     fluid: Fluid
     gravity: tuple[float, float, float] = (0.0, -9.81, 0.0)
     mean_wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
     turbulence: HomogeneousTurbulence = STILL
     ground_height: float | None = None
+    flow: TurbulenceGrid | LogInlet | None = None
 
 
 @dataclass(frozen=True)
 class DeviceState:
     """Arguments of the frame kernel, in its order.
 
-    constants: kinds, environment, supports, rests, clock; schedule and evolving: one entry a body; outputs: two sets of
+    constants: kinds, environment, flow, supports, rests, clock; schedule and evolving: one entry a body; outputs: two sets of
     arrays by the kernel's argument names.
     """
 
-    constants: list[wp.array]
+    constants: list[Any]
     schedule: list[wp.array]
     evolving: list[wp.array]
     outputs: tuple[dict[str, wp.array], dict[str, wp.array]]
@@ -112,6 +117,7 @@ def allocate(
         constants=[
             array([filled(kind_struct, values) for values in kinds], kind_struct),
             array([environment], environment_struct),
+            device_flow(surroundings, device),
             array(supports, vec3),
             array(rests, vec3),
             clock,
@@ -157,9 +163,11 @@ def environment_values(surroundings: Surroundings, frame_time: float, seed: int)
         "mean_wind": surroundings.mean_wind,
         "wind_step": wind_step,
         "wind_steps": wind_steps,
+        "wind_varies": int(surroundings.flow is not None),
         "wind_decay": decay,
         "wind_kick": sigma * np.sqrt(1.0 - decay**2),
         "wind_sigma": sigma,
+        "viscosity": surroundings.fluid.kinematic_viscosity,
         "has_ground": int(surroundings.ground_height is not None),
         "ground_height": surroundings.ground_height or 0.0,
         "seed": seed,
@@ -172,6 +180,8 @@ def wind_steps_per_frame(frame_time: float, surroundings: Surroundings) -> int:
     Raises:
         InputError: the turbulence changes too fast for frames of this length.
     """
+    if isinstance(surroundings.flow, TurbulenceGrid):
+        return grid_wind_steps(frame_time, surroundings.flow, surroundings.fluid)
     turbulence = surroundings.turbulence
     time_scale = lagrangian_time_scale(turbulence, surroundings.fluid)
     if time_scale == 0.0 or isinf(time_scale):
@@ -185,6 +195,26 @@ def wind_steps_per_frame(frame_time: float, surroundings: Surroundings) -> int:
             f'kind = "none"'
         )
     return steps
+
+
+def grid_wind_steps(frame_time: float, grid: TurbulenceGrid, fluid: Fluid) -> int:
+    """Wind updates in a frame [s] on a grid: ten in the time scale that all but a tenth of the cells exceed, two in a cell's
+    passage at the largest speed, at most MOST_GRID_WIND_STEPS: next to walls turbulence is faster than anything visible."""
+    inside = np.broadcast_to(grid.fluid, grid.k.shape) & (grid.k > 0.0) & (grid.epsilon > 0.0)
+    k, epsilon = grid.k[inside].astype(np.float64), grid.epsilon[inside].astype(np.float64)
+    rate = 2.0 * float(np.abs(grid.velocity).max()) / min(grid.spacing)
+    if len(k):
+        reynolds = k * np.sqrt(20.0 / (3.0 * fluid.kinematic_viscosity * epsilon))
+        c0 = 6.5 * (1.0 + 140.0 * reynolds ** (-4.0 / 3.0)) ** -0.75
+        rate = max(rate, WIND_STEPS_PER_TIME_SCALE * float(np.quantile(0.75 * c0 * epsilon / k, 0.9)))
+    return int(np.clip(ceil(frame_time * rate), 1, MOST_GRID_WIND_STEPS))
+
+
+def device_flow(surroundings: Surroundings, device: wp.Device) -> Any:
+    """The flow that varies in space, for kernels.langevin; an empty one where the wind is uniform."""
+    if isinstance(surroundings.flow, TurbulenceGrid):
+        return surroundings.flow.on_device(device)
+    return far_field(surroundings.flow or Inlet(surroundings.mean_wind, 0.0, 0.0), device)
 
 
 def kind_values(groups: Sequence[Group], first_bodies: NDArray[Any]) -> tuple[list[dict[str, Any]], NDArray[Any], NDArray[Any]]:

@@ -74,7 +74,7 @@ class TurbulenceGrid:
         """epsilon / k [1/s], zero in solid cells."""
         return np.divide(self.epsilon, self.k, out=np.zeros_like(self.k), where=self.k > 0.0)
 
-    def on_device(self, device: str = "cpu") -> Any:
+    def on_device(self, device: Any = "cpu") -> Any:
         """The flow as `kernels.sampling.FlowField`, for kernels on `device`."""
         steps = 1 if self.time is None else len(self.time)
         states = np.zeros((steps, *self.cells, 8), dtype=np.float32)
@@ -135,7 +135,7 @@ class TurbulenceGrid:
         return sample_field(self.on_device(device), positions, time, device)
 
 
-def far_field(boundary: Inlet | LogInlet, device: str = "cpu") -> Any:
+def far_field(boundary: Inlet | LogInlet, device: Any = "cpu") -> Any:
     """A `FlowField` without a grid: the uniform flow or the logarithmic wind of an inlet everywhere."""
     result = sampling.FlowField()
     far = device_grid.Side()
