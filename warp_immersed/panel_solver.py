@@ -54,7 +54,7 @@ def surface_tensor(
     normals /= doubled[:, None]
     areas = doubled / 2.0
     geometry = device_faces(corners, edges, normals, areas, device, single_precision)
-    report = progress or (lambda label, fraction: None)
+    report = progress or _silent
     report("integrals", 0.0)
     potentials = pair_potentials(geometry, device, threads)
     report("solution", 0.6)
@@ -75,6 +75,10 @@ def surface_tensor(
     tensor, correction = positive_symmetric(tensor)
     dimensions = size ** np.array([1.5, 1.5, 1.5, 2.5, 2.5, 2.5])
     return tensor * np.outer(dimensions, dimensions), correction
+
+
+def _silent(label: str, fraction: float) -> None:
+    """No progress wanted."""
 
 
 def device_faces(corners: Array, edges: Array, normals: Array, areas: Array, device: str, single_precision: bool) -> list[wp.array]:

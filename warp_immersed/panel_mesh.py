@@ -1,0 +1,160 @@
+"""From the mesh a user brings to the meshes the added-mass solver wants."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warp_immersed.feature_curves import FeatureCurves, corner_vertices, feature_curves, nearest_on_curves, trace_curves
+from warp_immersed.graded_mesh import graded_subdivision
+from warp_immersed.kernels import surface_queries
+from warp_immersed.mesh_checks import warp_mesh
+from warp_immersed.mesh_size import bend_samples, rim_samples, size_field
+from warp_immersed.remesh import Edges, PatchMesh, mesh_edges, remesh, split_where, vertex_rank
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+SHARP = np.radians(35.0)  # edges of closed bodies that turn by more are kept, and meshes crowd towards them
+FOLD = np.radians(35.0)  # the same for sheets, but without crowding: their rims are far more singular
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """The original of all meshes of a body, scaled to about unit size.
+
+    mesh: its triangles with their patches (parts bounded by rims, creases and sharp edges); curves: those bounds;
+    singular: (E,) of mesh_edges(mesh), where meshes crowd; closed: a solid; query: for nearest points.
+    """
+
+    mesh: PatchMesh
+    edges: Edges
+    curves: FeatureCurves
+    singular: Flags
+    closed: bool
+    query: wp.Mesh
+
+    def put_back(self, points: Array, ranks: Indices) -> Array:
+        """Nearest points on the surface, for ranks of 1 on its curves; (N, 3)."""
+        result = points.copy()
+        inside, curved = np.flatnonzero(ranks == 0), np.flatnonzero(ranks == 1)
+        if len(inside):
+            result[inside] = nearest_on_surface(self, points[inside])
+        if len(curved) and len(self.curves.starts):
+            result[curved] = nearest_on_curves(self.curves, points[curved])[0]
+        return result
+
+
+def nearest_on_surface(surface: Surface, points: Array) -> Array:
+    """Nearest points (N, 3) on a surface."""
+    face = wp.empty(len(points), dtype=int, device="cpu")
+    weights = wp.empty(len(points), dtype=wp.vec3f, device="cpu")
+    where = wp.array(points.astype(np.float32), dtype=wp.vec3f, device="cpu")
+    wp.launch(surface_queries.nearest_points, dim=len(points), inputs=[surface.query.id, where], outputs=[face, weights], device="cpu")
+    corners = surface.mesh.vertices[surface.mesh.faces[face.numpy()]]
+    return np.einsum("nk,nki->ni", weights.numpy().astype(np.float64), corners)
+
+
+def surface_from(vertices: Array, faces: Indices, closed: bool) -> Surface:
+    """Find the rims, creases, sharp edges and corners of a clean mesh of about unit size."""
+    plain = PatchMesh(vertices, faces, np.zeros(len(faces), dtype=np.int64), np.zeros(len(vertices), dtype=bool))
+    edges = mesh_edges(plain)
+    bent = edge_angles(plain, edges) > (SHARP if closed else FOLD)
+    feature = edges.feature | bent
+    patch = patches_between(faces, edges, feature)
+    mesh = PatchMesh(vertices, faces, patch, plain.fixed)
+    edges = mesh_edges(mesh)
+    kinds = np.bincount(edges.of_face.ravel(), minlength=len(edges.ends))
+    chosen = np.flatnonzero(edges.feature)
+    chains = trace_curves(vertices, edges.ends[chosen], kinds[chosen])
+    curves = feature_curves(vertices, chains)
+    fixed = plain.fixed.copy()
+    fixed[corner_vertices(curves, chains, float(np.ptp(vertices, axis=0).max()))] = True
+    singular = (kinds == 1) if not closed else edges.feature
+    mesh = PatchMesh(vertices, faces, patch, fixed)
+    return Surface(mesh, edges, curves, singular, closed, warp_mesh(vertices, faces))
+
+
+def edge_angles(mesh: PatchMesh, edges: Edges) -> Array:
+    """Angle (E,) between the normals of the two faces of each edge; 0 at rims and creases."""
+    corners = mesh.vertices[mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    one, other = normals[edges.first], normals[edges.second]
+    angle = np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), np.einsum("ei,ei->e", one, other))
+    return np.where(edges.feature, 0.0, angle)
+
+
+def patches_between(faces: Indices, edges: Edges, feature: Flags) -> Indices:
+    """Number (F,) of the part of the surface, bounded by feature edges, that each face belongs to."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    inner = ~feature & (edges.second >= 0)
+    graph = coo_matrix((np.ones(inner.sum()), (edges.first[inner], edges.second[inner])), (len(faces), len(faces)))
+    return connected_components(graph, directed=False)[1].astype(np.int64)
+
+
+def coarse_mesh(surface: Surface, limit: float) -> PatchMesh:
+    """A coarse mesh of well-shaped triangles with the rims and creases of a surface, of about `limit` faces at most."""
+    mesh, edges = surface.mesh, surface.edges
+    samples = []
+    if surface.singular.any():
+        halves = np.argwhere(surface.singular[edges.of_face])
+        samples.append(rim_samples(mesh.vertices, mesh.faces, halves))
+    smooth = np.flatnonzero(~edges.feature)
+    f, g = edges.first[smooth], edges.second[smooth]
+    opposite = [mesh.faces[k].sum(axis=1) - edges.ends[smooth].sum(axis=1) for k in (f, g)]
+    samples.append(bend_samples(mesh.vertices, mesh.faces, np.column_stack([edges.ends[smooth], *opposite])))
+    size_at = size_field(mesh.vertices, mesh.faces, samples, limit)
+    coarse = remesh(mesh, size_at, surface.put_back, limit=int(20 * limit) + 2 * len(mesh.faces))
+    rank = vertex_rank(coarse, mesh_edges(coarse))
+    vertices = coarse.vertices.copy()
+    vertices[rank == 1] = surface.put_back(vertices[rank == 1], rank[rank == 1])
+    return without_bridges(surface, PatchMesh(vertices, coarse.faces, coarse.patch, coarse.fixed))
+
+
+def singular_vertices(surface: Surface, mesh: PatchMesh, edges: Edges) -> Flags:
+    """Vertices (V,) of a coarse mesh on rims (sheets) or sharp edges (solids)."""
+    kinds = np.bincount(edges.of_face.ravel(), minlength=len(edges.ends))
+    singular = edges.feature if surface.closed else kinds == 1
+    marks = np.zeros(len(mesh.vertices), dtype=bool)
+    marks[edges.ends[singular]] = True
+    return marks
+
+
+def without_bridges(surface: Surface, mesh: PatchMesh) -> PatchMesh:
+    """Halve the edges that join two rim vertices without being rim, and faces made of rim only."""
+
+    def bridges(mesh: PatchMesh, edges: Edges) -> Array:
+        marks = singular_vertices(surface, mesh, edges)
+        kinds = np.bincount(edges.of_face.ravel(), minlength=len(edges.ends))
+        singular = edges.feature if surface.closed else kinds == 1
+        lengths = np.linalg.norm(mesh.vertices[edges.ends[:, 0]] - mesh.vertices[edges.ends[:, 1]], axis=1)
+        return np.where(marks[edges.ends].all(axis=1) & ~singular, lengths, 0.0)
+
+    mesh = split_where(mesh, bridges, limit=10**6)
+    edges = mesh_edges(mesh)
+    whole = singular_vertices(surface, mesh, edges)[mesh.faces].all(axis=1)
+    if whole.any():
+        a, b, c = mesh.faces[whole].T
+        center = len(mesh.vertices) + np.arange(len(a))
+        faces = [mesh.faces[~whole], np.stack([a, b, center], 1), np.stack([b, c, center], 1), np.stack([c, a, center], 1)]
+        mesh = PatchMesh(
+            np.vstack([mesh.vertices, mesh.vertices[mesh.faces[whole]].mean(axis=1)]),
+            np.vstack(faces),
+            np.concatenate([mesh.patch[~whole], *[mesh.patch[whole]] * 3]),
+            np.concatenate([mesh.fixed, np.zeros(len(a), dtype=bool)]),
+        )
+    rank = vertex_rank(mesh, mesh_edges(mesh))
+    vertices = mesh.vertices.copy()
+    free = rank < 2
+    vertices[free] = surface.put_back(vertices[free], rank[free])
+    return PatchMesh(vertices, mesh.faces, mesh.patch, mesh.fixed)
+
+
+def graded_mesh(surface: Surface, coarse: PatchMesh, parts: int) -> tuple[Array, Indices]:
+    """The coarse mesh with each face cut into parts**2, points crowded towards rims and put on the surface."""
+    singular = singular_vertices(surface, coarse, mesh_edges(coarse))
+    return graded_subdivision(coarse, singular, parts, surface.curves, surface.put_back)
