@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-GRADING = 2.5
+GRADING = 2.0
 
 
 def graded_subdivision(

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -25,7 +26,7 @@ class SizeSamples:
         """Edge length (P,) wanted at points (P, 3)."""
         result = np.empty(len(points))
         for first in range(0, len(points), 2048):
-            gap = np.linalg.norm(points[first : first + 2048, None] - self.points[None], axis=2)
+            gap = cdist(points[first : first + 2048], self.points)
             result[first : first + 2048] = (self.lengths + GRADIENT * gap).min(axis=1)
         return result
 
@@ -81,14 +82,13 @@ def size_field(vertices: Array, faces: Indices, samples: list[SizeSamples], limi
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2.0
     centers, weights = spread_points(corners, areas)
     floor = 0.0
-    ceiling = np.inf
+    spread = GRADIENT * cdist(centers, points)
     for _ in range(40):
-        field = SizeSamples(points, np.clip(lengths, floor, ceiling))
-        count = (weights / (0.433 * np.minimum(field.at(centers), ceiling) ** 2)).sum()
+        count = (weights / (0.433 * (np.maximum(lengths, floor) + spread).min(axis=1) ** 2)).sum()
         if count <= limit:
             break
         floor = max(1.15 * floor, 0.01 * size)
-    return field.at
+    return SizeSamples(points, np.maximum(lengths, floor)).at
 
 
 def spread_points(corners: Array, areas: Array, wanted: int = 1000) -> tuple[Array, Array]:

@@ -68,6 +68,18 @@ def winners(values: Array, groups: list[Indices], group_count: int) -> NDArray[n
     return result
 
 
+def winners_apart(values: Array, one: Indices, other: Indices, edges: Edges, count: int) -> NDArray[np.bool_]:
+    """Which of some vertex pairs (one, other), no two sharing a vertex, have no neighbouring pair of greater value."""
+    rank = np.empty(len(values), dtype=np.int64)
+    rank[np.argsort(values, kind="stable")] = np.arange(len(values))
+    best = np.full(count, -1)
+    best[one] = best[other] = rank
+    around = best.copy()
+    for column in (0, 1):
+        np.maximum.at(around, edges.ends[:, column], best[edges.ends[:, 1 - column]])
+    return (around[one] == rank) & (around[other] == rank)
+
+
 def split_edges(mesh: PatchMesh, edges: Edges, chosen: Indices) -> PatchMesh:
     """Halve the edges `chosen`, of which no face may have two, at their midpoints."""
     middle = np.full(len(edges.ends), -1)
@@ -110,6 +122,12 @@ def face_normals(vertices: Array, faces: Indices) -> Array:
     return np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]])
 
 
+def longest_squared(vertices: Array, faces: Indices) -> Array:
+    """Square (F,) of the longest side of each face."""
+    sides = vertices[faces] - vertices[faces[:, [1, 2, 0]]]
+    return (sides**2).sum(axis=2).max(axis=1)
+
+
 def collapse_short(mesh: PatchMesh, size: Array) -> PatchMesh:
     """Collapse one independent set of edges shorter than SHORT times the wanted length; size: (V,)."""
     edges = mesh_edges(mesh)
@@ -132,18 +150,21 @@ def collapse_short(mesh: PatchMesh, size: Array) -> PatchMesh:
     corners = np.bincount(edges.of_face.ravel(), minlength=len(lengths))[candidates]
     good = shared == corners
     candidates, gone, kept = candidates[good], gone[good], kept[good]
-    # Independent: shortest in the neighbourhood of both ends.
-    value = -lengths[candidates] / wanted[candidates]
-    order = np.empty(len(value), dtype=np.int64)
-    order[np.argsort(value, kind="stable")] = np.arange(len(value))
-    best = np.full(count, -1)
-    np.maximum.at(best, gone, order)
-    np.maximum.at(best, kept, order)
-    around = best.copy()
-    for column in (0, 1):
-        np.maximum.at(around, edges.ends[:, column], best[edges.ends[:, 1 - column]])
-    good = (around[gone] == order) & (around[kept] == order)
-    gone, kept = gone[good], kept[good]
+    # An independent set, shortest first: no end of one edge is or neighbours an end of another.
+    shortness = -lengths[candidates] / wanted[candidates]
+    open_, chosen = np.arange(len(candidates)), []
+    for _ in range(4):
+        best = winners(shortness[open_], [gone[open_], kept[open_]], count)
+        best[best] = winners_apart(shortness[open_[best]], gone[open_[best]], kept[open_[best]], edges, count)
+        chosen.append(open_[best])
+        blocked = np.zeros(count, dtype=bool)
+        blocked[gone[chosen[-1]]] = blocked[kept[chosen[-1]]] = True
+        blocked[edges.ends[blocked[edges.ends].any(axis=1)]] = True
+        open_ = open_[~(blocked[gone[open_]] | blocked[kept[open_]])]
+        if not len(open_):
+            break
+    picked = np.concatenate(chosen)
+    gone, kept = gone[picked], kept[picked]
     target = np.arange(count)
     target[gone] = kept
     vertices = mesh.vertices.copy()
@@ -155,11 +176,10 @@ def collapse_short(mesh: PatchMesh, size: Array) -> PatchMesh:
         alive = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
         touched = alive & ((faces != mesh.faces).any(axis=1) | (vertices[mesh.faces] != mesh.vertices[mesh.faces]).any(axis=(1, 2)))
         before, after = face_normals(mesh.vertices, mesh.faces[touched]), face_normals(vertices, faces[touched])
-        lengths_after = np.linalg.norm(after, axis=1)
-        sides = vertices[faces[touched]] - vertices[faces[touched][:, [1, 2, 0]]]
-        longest = (sides**2).sum(axis=2).max(axis=1)
-        turned = np.einsum("fi,fi->f", before, after) < 0.5 * np.linalg.norm(before, axis=1) * lengths_after
-        turned |= lengths_after < 0.05 * longest
+        lengths_before, lengths_after = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
+        fatness = lengths_after / longest_squared(vertices, faces[touched])
+        turned = np.einsum("fi,fi->f", before, after) < 0.5 * lengths_before * lengths_after
+        turned |= (fatness < 0.05) & (fatness < lengths_before / longest_squared(mesh.vertices, mesh.faces[touched]))
         if not turned.any():
             break
         spoiled = np.zeros(count, dtype=bool)
@@ -276,7 +296,7 @@ def remesh(
         before = len(mesh.faces)
         mesh = collapse_short(mesh, size_at(mesh.vertices))
         mesh = flip_edges(mesh)
-        if len(mesh.faces) > 0.97 * before:
+        if len(mesh.faces) > 0.99 * before:
             break
     for _ in range(rounds):
         mesh = split_where(mesh, too_long, limit)
