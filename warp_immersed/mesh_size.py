@@ -13,6 +13,7 @@ Indices = NDArray[np.int64]
 GRADIENT = 0.7  # of edge length over distance
 BEND = 0.7  # edge length over radius of curvature
 SAMPLES = 500
+EVENNESS = 1.1  # room for shorter edges where the surface bends
 
 
 @dataclass(frozen=True)
@@ -73,22 +74,27 @@ def bend_samples(vertices: Array, faces: Indices, smooth: Indices) -> SizeSample
     return SizeSamples((a[bent] + b[bent]) / 2.0, lengths[bent])
 
 
-def size_field(vertices: Array, faces: Indices, samples: list[SizeSamples], limit: float) -> Callable[[Array], Array]:
-    """Edge length at points (P, 3) -> (P,), such that the surface takes at most about `limit` triangles."""
+def size_field(vertices: Array, faces: Indices, samples: list[SizeSamples], limit: float, even: bool) -> Callable[[Array], Array]:
+    """Edge length at points (P, 3) -> (P,), such that the surface takes at most about `limit` triangles.
+
+    even: spend them all, evenly but for where samples ask for shorter edges. Otherwise only these samples ask for any.
+    """
     size = np.ptp(vertices, axis=0).max()
     points = np.concatenate([s.points for s in samples] + [vertices[faces[:1]].mean(axis=1)])
     lengths = np.concatenate([s.lengths for s in samples] + [[size]])
     corners = vertices[faces]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2.0
     centers, weights = spread_points(corners, areas)
+    ceiling = EVENNESS * np.sqrt(areas.sum() / (0.433 * limit)) if even else np.inf
     floor = 0.0
     spread = GRADIENT * cdist(centers, points)
     for _ in range(40):
-        count = (weights / (0.433 * (np.maximum(lengths, floor) + spread).min(axis=1) ** 2)).sum()
+        count = (weights / (0.433 * np.minimum((np.maximum(lengths, floor) + spread).min(axis=1), ceiling) ** 2)).sum()
         if count <= limit:
             break
         floor = max(1.15 * floor, 0.01 * size)
-    return SizeSamples(points, np.maximum(lengths, floor)).at
+    field = SizeSamples(points, np.maximum(lengths, floor))
+    return lambda where: np.minimum(field.at(where), ceiling)
 
 
 def spread_points(corners: Array, areas: Array, wanted: int = 1000) -> tuple[Array, Array]:

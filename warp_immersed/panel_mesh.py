@@ -18,6 +18,7 @@ Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 SHARP = np.radians(35.0)  # edges of closed bodies that turn by more are kept, and meshes crowd towards them
+OVERHANG = 0.02  # of the size: how far a point may lie beyond the faces of the original
 FOLD = np.radians(35.0)  # the same for sheets, but without crowding: their rims are far more singular
 
 
@@ -54,7 +55,13 @@ def nearest_on_surface(surface: Surface, points: Array) -> Array:
     where = wp.array(points.astype(np.float32), dtype=wp.vec3f, device="cpu")
     wp.launch(surface_queries.nearest_points, dim=len(points), inputs=[surface.query.id, where], outputs=[face, weights], device="cpu")
     corners = surface.mesh.vertices[surface.mesh.faces[face.numpy()]]
-    return np.einsum("nk,nki->ni", weights.numpy().astype(np.float64), corners)
+    nearest = np.einsum("nk,nki->ni", weights.numpy().astype(np.float64), corners)
+    # Into the plane of the nearest face: a smooth rim reaches a little beyond the straight edges of the faces.
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    planar = points - np.einsum("ni,ni->n", points - nearest, normals)[:, None] * normals
+    outside = np.linalg.norm(planar - nearest, axis=1)
+    return np.where((outside < OVERHANG)[:, None], planar, nearest)
 
 
 def surface_from(vertices: Array, faces: Indices, closed: bool) -> Surface:
@@ -96,8 +103,8 @@ def patches_between(faces: Indices, edges: Edges, feature: Flags) -> Indices:
     return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
-def coarse_mesh(surface: Surface, limit: float) -> PatchMesh:
-    """A coarse mesh of well-shaped triangles with the rims and creases of a surface, of about `limit` faces at most."""
+def coarse_mesh(surface: Surface, limit: float, even: bool = False) -> PatchMesh:
+    """A coarse mesh of well-shaped triangles with the rims and creases of a surface, of about `limit` faces at most (even: just so many)."""
     mesh, edges = surface.mesh, surface.edges
     samples = []
     if surface.singular.any():
@@ -107,7 +114,7 @@ def coarse_mesh(surface: Surface, limit: float) -> PatchMesh:
     f, g = edges.first[smooth], edges.second[smooth]
     opposite = [mesh.faces[k].sum(axis=1) - edges.ends[smooth].sum(axis=1) for k in (f, g)]
     samples.append(bend_samples(mesh.vertices, mesh.faces, np.column_stack([edges.ends[smooth], *opposite])))
-    size_at = size_field(mesh.vertices, mesh.faces, samples, limit)
+    size_at = size_field(mesh.vertices, mesh.faces, samples, limit, even)
     coarse = remesh(mesh, size_at, surface.put_back, limit=int(20 * limit) + 2 * len(mesh.faces))
     rank = vertex_rank(coarse, mesh_edges(coarse))
     vertices = coarse.vertices.copy()

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 LONG, SHORT = 4.0 / 3.0, 4.0 / 5.0  # of the wanted length: a split edge is not collapsed again
+SAGITTA = 0.2  # how far a curve's edges may leave it at the middle, over their lengths
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,21 @@ def longest_squared(vertices: Array, faces: Indices) -> Array:
     return (sides**2).sum(axis=2).max(axis=1)
 
 
-def collapse_short(mesh: PatchMesh, size: Array) -> PatchMesh:
+def cuts_curve(
+    mesh: PatchMesh, edges: Edges, gone: Indices, kept: Indices, put_back: Callable[[Array, Indices], Array]
+) -> NDArray[np.bool_]:
+    """Whether taking curve vertices `gone` into their neighbours `kept` would leave an edge too far from the curve."""
+    ends = edges.ends[edges.feature]
+    sums = np.zeros(len(mesh.vertices))
+    np.add.at(sums, ends[:, 0], ends[:, 1])
+    np.add.at(sums, ends[:, 1], ends[:, 0])
+    p, q = mesh.vertices[kept], mesh.vertices[sums[gone].astype(np.int64) - kept]
+    middle = (p + q) / 2.0
+    away = np.linalg.norm(put_back(middle, np.ones(len(middle), dtype=np.int64)) - middle, axis=1)
+    return away > SAGITTA * np.linalg.norm(p - q, axis=1)
+
+
+def collapse_short(mesh: PatchMesh, size: Array, put_back: Callable[[Array, Indices], Array]) -> PatchMesh:
     """Collapse one independent set of edges shorter than SHORT times the wanted length; size: (V,)."""
     edges = mesh_edges(mesh)
     count = len(mesh.vertices)
@@ -140,6 +155,7 @@ def collapse_short(mesh: PatchMesh, size: Array) -> PatchMesh:
     gone, kept = np.where(swap, edges.ends[:, 1], edges.ends[:, 0]), np.where(swap, edges.ends[:, 0], edges.ends[:, 1])
     legal = (rank[gone] == 0) | ((rank[gone] == 1) & edges.feature)
     legal &= lengths < SHORT * wanted
+    legal[edges.of_face[edges.feature[edges.of_face].all(axis=1)]] = False  # would remove the last face of a patch
     # Link condition: the ends share no neighbours but the corners opposite to the edge.
     link = coo_matrix((np.ones(2 * len(lengths)), (edges.ends.T.ravel(), edges.ends[:, ::-1].T.ravel())), (count, count)).tocsr()
     candidates = np.flatnonzero(legal)
@@ -149,6 +165,8 @@ def collapse_short(mesh: PatchMesh, size: Array) -> PatchMesh:
     shared = np.asarray(link[gone].multiply(link[kept]).sum(axis=1)).ravel()
     corners = np.bincount(edges.of_face.ravel(), minlength=len(lengths))[candidates]
     good = shared == corners
+    along = np.flatnonzero(good & (rank[gone] == 1))
+    good[along] = ~cuts_curve(mesh, edges, gone[along], kept[along], put_back)
     candidates, gone, kept = candidates[good], gone[good], kept[good]
     # An independent set, shortest first: no end of one edge is or neighbours an end of another.
     shortness = -lengths[candidates] / wanted[candidates]
@@ -247,22 +265,19 @@ def flip_edges(mesh: PatchMesh) -> PatchMesh:
 
 
 def relax(mesh: PatchMesh, put_back: Callable[[Array, Indices], Array]) -> PatchMesh:
-    """Move free vertices towards the mean of their neighbours (along the curve on curves), then back on the surface.
+    """Move vertices inside patches towards the mean of their neighbours, then all free ones back on the surface or curve.
 
     put_back: from points (N, 3) and their ranks (N,), 0 inside and 1 on curves, to the nearest points of the original.
     """
     edges = mesh_edges(mesh)
     rank = vertex_rank(mesh, edges)
-    use = edges.feature | (rank[edges.ends] == 0).any(axis=1)
     total, weight = np.zeros_like(mesh.vertices), np.zeros(len(mesh.vertices))
     for end in (0, 1):
-        here, there = edges.ends[use, end], edges.ends[use, 1 - end]
-        counts = (rank[here] == 0) | edges.feature[use]
-        np.add.at(total, here[counts], mesh.vertices[there[counts]])
-        np.add.at(weight, here[counts], 1.0)
-    free = np.flatnonzero((rank < 2) & (weight > 0.0))
+        np.add.at(total, edges.ends[:, end], mesh.vertices[edges.ends[:, 1 - end]])
+        np.add.at(weight, edges.ends[:, end], 1.0)
+    inner, free = np.flatnonzero(rank == 0), np.flatnonzero(rank < 2)
     moved = mesh.vertices.copy()
-    moved[free] = 0.5 * (mesh.vertices[free] + total[free] / weight[free][:, None])
+    moved[inner] = 0.5 * (mesh.vertices[inner] + total[inner] / weight[inner][:, None])
     moved[free] = put_back(moved[free], rank[free])
     # Vertices whose move would turn a face over stay.
     for _ in range(8):
@@ -294,7 +309,7 @@ def remesh(
 
     for _ in range(60):  # down first, where there is too much
         before = len(mesh.faces)
-        mesh = collapse_short(mesh, size_at(mesh.vertices))
+        mesh = collapse_short(mesh, size_at(mesh.vertices), put_back)
         mesh = flip_edges(mesh)
         if len(mesh.faces) > 0.99 * before:
             break
@@ -303,7 +318,7 @@ def remesh(
         for _ in range(3):
             mesh = flip_edges(mesh)
         for _ in range(3):
-            mesh = collapse_short(mesh, size_at(mesh.vertices))
+            mesh = collapse_short(mesh, size_at(mesh.vertices), put_back)
         for _ in range(3):
             mesh = flip_edges(mesh)
         mesh = relax(mesh, put_back)

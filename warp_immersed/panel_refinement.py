@@ -1,0 +1,171 @@
+"""Added mass of a body to a wanted accuracy: which meshes to solve on, what their results say together, how sure that is."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_immersed.mesh_checks import clean_surface
+from warp_immersed.panel_mesh import Surface, coarse_mesh, graded_mesh, surface_from
+from warp_immersed.panel_solver import surface_tensor
+from warp_immersed.remesh import PatchMesh
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Progress = Callable[[str, float], None]
+Solve = Callable[[Array, Indices], tuple[Array, float]]
+
+FACE_LIMIT = 6000  # of one mesh: 3 GB would be 20,000, a minute of one core 10,000
+EXTRAPOLATION = 0.35  # what Richardson's extrapolation leaves of the change it makes, at worst (measured 0.05 to 0.31)
+DIRECT = (150, 3000)  # closed meshes with so many good faces are solved as they are
+SHAPELY = 0.05  # twice the area of a good face over the square of its longest side, at least
+HALVES = (1, 2, 3, 4, 6, 8)  # parts of a coarse edge, on the coarser of two meshes
+LOST = 0.2  # of the tolerance: area that a coarse mesh may lose
+MINOR = 1e-3  # modes with less than this of the largest added mass do not count in errors
+
+
+@dataclass(frozen=True)
+class MeshTensor:
+    """Added mass (6, 6) for a fluid of 1 kg/m^3 about the origin, its estimated relative error, faces solved on in all."""
+
+    matrix: Array
+    error_estimate: float
+    faces: int
+    method: str
+
+
+def relative_difference(one: Array, other: Array, size: float) -> float:
+    """Largest |one - other|_ij / sqrt(K_ii K_jj) of two tensors; size [m] makes rotations comparable with translations."""
+    units = np.array([1.0, 1.0, 1.0, size, size, size])
+    diagonal = np.diag(one) / units**2
+    scale = units * np.sqrt(np.maximum(diagonal, MINOR * diagonal.max()))
+    return float((np.abs(one - other) / np.outer(scale, scale)).max())
+
+
+def mesh_tensor(
+    vertices: Array,
+    faces: Indices,
+    closed: bool,
+    volume: float | None = None,
+    tolerance: float = 0.01,
+    face_budget: int | None = None,
+    as_given: bool = False,
+    device: str = "cpu",
+    threads: int | None = None,
+    progress: Progress | None = None,
+    name: str = "mesh",
+) -> MeshTensor:
+    """Added mass of a triangle mesh about the origin of its coordinates.
+
+    vertices: (V, 3) [m]; faces: (F, 3). closed: a solid; otherwise sheets. volume: the true one [m^3], if the mesh only
+    approximates it. tolerance: relative error wanted. face_budget: faces to spend in all, instead of a tolerance.
+    as_given: solve on the given triangles, whatever their quality. Raises InputError for a mesh that cannot be used.
+    """
+    vertices, faces = clean_surface(vertices, faces, closed, name)
+    center = vertices.mean(axis=0)
+    size = float(np.abs(vertices - center).max())
+    scaled = (vertices - center) / size
+    if closed:
+        volume = (enclosed_volume(scaled, faces) if volume is None else volume / size**3)
+
+    def solve(vertices: Array, faces: Indices) -> tuple[Array, float]:
+        if closed:
+            vertices = vertices * (volume / enclosed_volume(vertices, faces)) ** (1.0 / 3.0)
+        return surface_tensor(vertices + center / size, faces, closed, device, threads=threads, progress=progress)
+
+    if as_given:
+        matrix, correction = solve(scaled, faces)
+        result = MeshTensor(matrix, float("nan"), len(faces), "panels on the given mesh")
+    elif closed:
+        result = solid_tensor(surface_from(scaled, faces, True), solve, tolerance, face_budget)
+    else:
+        result = remeshed_tensor(surface_from(scaled, faces, False), solve, tolerance, face_budget)
+    dimensions = size ** np.array([1.5, 1.5, 1.5, 2.5, 2.5, 2.5])
+    return MeshTensor(result.matrix * np.outer(dimensions, dimensions), result.error_estimate, result.faces, result.method)
+
+
+def enclosed_volume(vertices: Array, faces: Indices) -> float:
+    """Volume inside outward faces."""
+    corners = vertices[faces]
+    return float(np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0)
+
+
+def total_area(vertices: Array, faces: Indices) -> float:
+    """Area of a surface."""
+    corners = vertices[faces]
+    return float(np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2.0)
+
+
+def extrapolated(fine: Array, coarse: Array) -> tuple[Array, float]:
+    """Richardson's extrapolation of two tensors on meshes of edge lengths h and 2 h, errors going with h^2.
+
+    Returns it and its estimated relative error.
+    """
+    matrix = fine + (fine - coarse) / 3.0
+    return matrix, EXTRAPOLATION * relative_difference(matrix, fine, 1.0)
+
+
+def remeshed_tensor(surface: Surface, solve: Solve, tolerance: float, budget: int | None) -> MeshTensor:
+    """Make a coarse mesh and cut it more and more finely until two such meshes extrapolate to the tolerance."""
+    coarse, lost = fitting_mesh(surface, tolerance, budget)
+    count = len(coarse.faces)
+    if budget is not None:
+        halves = [max(h for h in HALVES if h == 1 or 5 * h * h * count <= 1.3 * budget)]
+    else:
+        halves = [h for h in HALVES if h == 2 or (h > 2 and 4 * h * h * count <= FACE_LIMIT)]
+    best = None
+    for half in halves:
+        meshes = [graded_mesh(surface, coarse, parts) for parts in (half, 2 * half)]
+        tensors = [solve(*mesh) for mesh in meshes]
+        matrix, error = extrapolated(tensors[1][0], tensors[0][0])
+        spent = sum(len(mesh[1]) for mesh in meshes)
+        best = MeshTensor(matrix, error + lost + tensors[1][1], spent, "panels, two graded meshes extrapolated")
+        if best.error_estimate <= tolerance:
+            break
+    assert best is not None  # halves holds 2 at least
+    return best
+
+
+def fitting_mesh(surface: Surface, tolerance: float, budget: int | None) -> tuple[PatchMesh, float]:
+    """A coarse mesh that follows the surface, and the relative area that it loses or gains."""
+    area = total_area(surface.mesh.vertices, surface.mesh.faces)
+    sheet_limit, solid_limit = (24.0, 60.0) if budget is None else (max(8.0, budget / 45.0), max(24.0, budget / 45.0))
+    limit = solid_limit if surface.closed else sheet_limit
+    while True:
+        coarse = coarse_mesh(surface, limit, even=not surface.singular.any())
+        lost = abs(total_area(*graded_mesh(surface, coarse, 4)) / area - 1.0)
+        if budget is not None or lost < LOST * tolerance or len(coarse.faces) > FACE_LIMIT // 32:
+            return coarse, lost
+        limit *= 2.0
+
+
+def solid_tensor(surface: Surface, solve: Solve, tolerance: float, budget: int | None) -> MeshTensor:
+    """Solids: on the given mesh if it is good and good enough, else on one made for the purpose."""
+    mesh = surface.mesh
+    best = None
+    if budget is None and DIRECT[0] <= len(mesh.faces) <= DIRECT[1] and well_shaped(mesh):
+        best = compared(surface, solve)
+    if best is None or best.error_estimate > tolerance:
+        other = remeshed_tensor(surface, solve, tolerance, budget)
+        if best is None or other.error_estimate < best.error_estimate:
+            best = other
+    return best
+
+
+def well_shaped(mesh: PatchMesh) -> bool:
+    """Whether no face is a needle."""
+    corners = mesh.vertices[mesh.faces]
+    sides = ((corners - corners[:, [1, 2, 0]]) ** 2).sum(axis=2).max(axis=1)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return bool((np.linalg.norm(normals, axis=1) > SHAPELY * sides).all())
+
+
+def compared(surface: Surface, solve: Solve) -> MeshTensor:
+    """The tensor on the given mesh, and its error from a second mesh of a quarter of the faces."""
+    faces = len(surface.mesh.faces)
+    fine, correction = solve(surface.mesh.vertices, surface.mesh.faces)
+    coarse = coarse_mesh(surface, faces / 4.0, even=True)
+    rough, _ = solve(coarse.vertices, coarse.faces)
+    error = relative_difference(fine, rough, 1.0) / max(faces / len(coarse.faces) - 1.0, 0.5)
+    return MeshTensor(fine, error + correction, faces + len(coarse.faces), "panels on the given mesh")
