@@ -26,7 +26,7 @@ def graded_subdivision(
     """Cut each face of a coarse mesh into parts**2 faces: vertices (V, 3) and faces (F, 3).
 
     singular: (V,) vertices on rims (or sharp edges of solids) towards which points crowd; no edge off a rim may join two of them.
-    Points of feature edges go to the curves between the ends of the edge, others to the surface by put_back(points, ranks).
+    Points of feature edges go to the curves between the ends of the edge, others to the surface by put_back(points, patches).
     """
     edges = mesh_edges(base)
     arcs = edge_arcs(base, edges, curves)
@@ -89,7 +89,9 @@ def subdivide(
     on_curve[number[:, on_edge][edges.feature[of_edge]]] = True
     free = np.flatnonzero(~on_curve)
     if len(free):
-        vertices[free] = put_back(vertices[free], np.zeros(len(free), dtype=np.int64))
+        patch = np.empty(count, dtype=np.int64)
+        patch[number] = base.patch[:, None]
+        vertices[free] = put_back(vertices[free], patch[free])
     place = {(int(a), int(b)): k for k, (a, b) in enumerate(zip(i, j, strict=True))}
     triangles = [(place[a, b], place[a + 1, b], place[a, b + 1]) for a in range(parts) for b in range(parts - a)]
     triangles += [(place[a + 1, b], place[a + 1, b + 1], place[a, b + 1]) for a in range(parts) for b in range(parts - a - 1)]

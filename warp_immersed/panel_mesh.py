@@ -11,7 +11,7 @@ from warp_immersed.graded_mesh import graded_subdivision
 from warp_immersed.kernels import surface_queries
 from warp_immersed.mesh_checks import warp_mesh
 from warp_immersed.mesh_size import bend_samples, rim_samples, size_field
-from warp_immersed.remesh import Edges, PatchMesh, mesh_edges, remesh, split_where, vertex_rank
+from warp_immersed.remesh import Edges, PatchMesh, face_normals, mesh_edges, remesh, split_where, vertex_patch, vertex_rank
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -27,7 +27,7 @@ class Surface:
     """The original of all meshes of a body, scaled to about unit size.
 
     mesh: its triangles with their patches (parts bounded by rims, creases and sharp edges); curves: those bounds;
-    singular: (E,) of mesh_edges(mesh), where meshes crowd; closed: a solid; query: for nearest points.
+    singular: (E,) of mesh_edges(mesh), where meshes crowd; closed: a solid; query: for nearest points; flat: (P,) patches that are plane.
     """
 
     mesh: PatchMesh
@@ -36,11 +36,12 @@ class Surface:
     singular: Flags
     closed: bool
     query: wp.Mesh
+    flat: Flags
 
-    def put_back(self, points: Array, ranks: Indices) -> Array:
-        """Nearest points on the surface, for ranks of 1 on its curves; (N, 3)."""
+    def put_back(self, points: Array, patches: Indices) -> Array:
+        """Nearest points (N, 3) on the surface, or on its curves for patches of -1. Points of flat patches are on them."""
         result = points.copy()
-        inside, curved = np.flatnonzero(ranks == 0), np.flatnonzero(ranks == 1)
+        inside, curved = np.flatnonzero((patches >= 0) & ~self.flat[patches]), np.flatnonzero(patches < 0)
         if len(inside):
             result[inside] = nearest_on_surface(self, points[inside])
         if len(curved) and len(self.curves.starts):
@@ -81,7 +82,16 @@ def surface_from(vertices: Array, faces: Indices, closed: bool) -> Surface:
     fixed[corner_vertices(curves, chains, float(np.ptp(vertices, axis=0).max()))] = True
     singular = (kinds == 1) if not closed else edges.feature
     mesh = PatchMesh(vertices, faces, patch, fixed)
-    return Surface(mesh, edges, curves, singular, closed, warp_mesh(vertices, faces))
+    return Surface(mesh, edges, curves, singular, closed, warp_mesh(vertices, faces), flat_patches(mesh))
+
+
+def flat_patches(mesh: PatchMesh) -> Flags:
+    """Which patches are plane."""
+    normals = face_normals(mesh.vertices, mesh.faces)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    first = np.unique(mesh.patch, return_index=True)[1]
+    off = np.linalg.norm(np.cross(normals, normals[first][mesh.patch]), axis=1) > 1e-6
+    return np.bincount(mesh.patch, off) == 0
 
 
 def edge_angles(mesh: PatchMesh, edges: Edges) -> Array:
@@ -116,10 +126,7 @@ def coarse_mesh(surface: Surface, limit: float, even: bool = False) -> PatchMesh
     samples.append(bend_samples(mesh.vertices, mesh.faces, np.column_stack([edges.ends[smooth], *opposite])))
     size_at = size_field(mesh.vertices, mesh.faces, samples, limit, even)
     coarse = remesh(mesh, size_at, surface.put_back, limit=int(20 * limit) + 2 * len(mesh.faces))
-    rank = vertex_rank(coarse, mesh_edges(coarse))
-    vertices = coarse.vertices.copy()
-    vertices[rank == 1] = surface.put_back(vertices[rank == 1], rank[rank == 1])
-    return without_bridges(surface, PatchMesh(vertices, coarse.faces, coarse.patch, coarse.fixed))
+    return without_bridges(surface, coarse)
 
 
 def singular_vertices(surface: Surface, mesh: PatchMesh, edges: Edges) -> Flags:
@@ -157,7 +164,7 @@ def without_bridges(surface: Surface, mesh: PatchMesh) -> PatchMesh:
     rank = vertex_rank(mesh, mesh_edges(mesh))
     vertices = mesh.vertices.copy()
     free = rank < 2
-    vertices[free] = surface.put_back(vertices[free], rank[free])
+    vertices[free] = surface.put_back(vertices[free], vertex_patch(mesh, rank)[free])
     return PatchMesh(vertices, mesh.faces, mesh.patch, mesh.fixed)
 
 

@@ -22,7 +22,7 @@ DIRECT = (150, 3000)  # closed meshes with so many good faces are solved as they
 SHAPELY = 0.05  # twice the area of a good face over the square of its longest side, at least
 HALVES = (1, 2, 3, 4, 6, 8)  # parts of a coarse edge, on the coarser of two meshes
 LOST = 0.2  # of the tolerance: area that a coarse mesh may lose
-MINOR = 1e-3  # modes with less than this of the largest added mass do not count in errors
+MINOR = 0.02  # modes with less than this of the largest added mass count as if they had so much
 
 
 @dataclass(frozen=True)
@@ -128,13 +128,15 @@ def remeshed_tensor(surface: Surface, solve: Solve, tolerance: float, budget: in
 
 
 def fitting_mesh(surface: Surface, tolerance: float, budget: int | None) -> tuple[PatchMesh, float]:
-    """A coarse mesh that follows the surface, and the relative area that it loses or gains."""
-    area = total_area(surface.mesh.vertices, surface.mesh.faces)
+    """A coarse mesh that follows the surface, and the relative area (solids: or volume) that it loses or gains."""
+    measures = [total_area] + [enclosed_volume] * surface.closed
+    given = [measure(surface.mesh.vertices, surface.mesh.faces) for measure in measures]
     sheet_limit, solid_limit = (24.0, 60.0) if budget is None else (max(8.0, budget / 45.0), max(24.0, budget / 45.0))
     limit = solid_limit if surface.closed else sheet_limit
     while True:
         coarse = coarse_mesh(surface, limit, even=not surface.singular.any())
-        lost = abs(total_area(*graded_mesh(surface, coarse, 4)) / area - 1.0)
+        cut = graded_mesh(surface, coarse, 4)
+        lost = max(abs(measure(*cut) / value - 1.0) for measure, value in zip(measures, given, strict=True))
         if budget is not None or lost < LOST * tolerance or len(coarse.faces) > FACE_LIMIT // 32:
             return coarse, lost
         limit *= 2.0

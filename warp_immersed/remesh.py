@@ -139,7 +139,7 @@ def cuts_curve(
     np.add.at(sums, ends[:, 1], ends[:, 0])
     p, q = mesh.vertices[kept], mesh.vertices[sums[gone].astype(np.int64) - kept]
     middle = (p + q) / 2.0
-    away = np.linalg.norm(put_back(middle, np.ones(len(middle), dtype=np.int64)) - middle, axis=1)
+    away = np.linalg.norm(put_back(middle, np.full(len(middle), -1)) - middle, axis=1)
     return away > SAGITTA * np.linalg.norm(p - q, axis=1)
 
 
@@ -224,6 +224,13 @@ def vertex_rank(mesh: PatchMesh, edges: Edges) -> Indices:
     return rank
 
 
+def vertex_patch(mesh: PatchMesh, rank: Indices) -> Indices:
+    """The patch (V,) of vertices inside one, -1 for others; rank: (V,)."""
+    patch = np.full(len(mesh.vertices), -1)
+    patch[mesh.faces] = mesh.patch[:, None]
+    return np.where(rank == 0, patch, -1)
+
+
 def flip_edges(mesh: PatchMesh) -> PatchMesh:
     """Flip one independent set of edges whose opposite angles add up to more than pi."""
     edges = mesh_edges(mesh)
@@ -267,7 +274,7 @@ def flip_edges(mesh: PatchMesh) -> PatchMesh:
 def relax(mesh: PatchMesh, put_back: Callable[[Array, Indices], Array]) -> PatchMesh:
     """Move vertices inside patches towards the mean of their neighbours, then all free ones back on the surface or curve.
 
-    put_back: from points (N, 3) and their ranks (N,), 0 inside and 1 on curves, to the nearest points of the original.
+    put_back: from points (N, 3) and their patches (N,), -1 for curves, to the nearest points of the original.
     """
     edges = mesh_edges(mesh)
     rank = vertex_rank(mesh, edges)
@@ -278,7 +285,7 @@ def relax(mesh: PatchMesh, put_back: Callable[[Array, Indices], Array]) -> Patch
     inner, free = np.flatnonzero(rank == 0), np.flatnonzero(rank < 2)
     moved = mesh.vertices.copy()
     moved[inner] = 0.5 * (mesh.vertices[inner] + total[inner] / weight[inner][:, None])
-    moved[free] = put_back(moved[free], rank[free])
+    moved[free] = put_back(moved[free], vertex_patch(mesh, rank)[free])
     # Vertices whose move would turn a face over stay.
     for _ in range(8):
         before, after = face_normals(mesh.vertices, mesh.faces), face_normals(moved, mesh.faces)
