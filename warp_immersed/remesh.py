@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 LONG, SHORT = 4.0 / 3.0, 4.0 / 5.0  # of the wanted length: a split edge is not collapsed again
-SAGITTA = 0.2  # how far a curve's edges may leave it at the middle, over their lengths
+SAGITTA = 0.15  # how far edges may leave their curve at the middle, and faces their surface, over their lengths
 
 
 @dataclass(frozen=True)
@@ -185,19 +185,20 @@ def collapse_short(mesh: PatchMesh, size: Array, put_back: Callable[[Array, Indi
     gone, kept = gone[picked], kept[picked]
     target = np.arange(count)
     target[gone] = kept
-    vertices = mesh.vertices.copy()
-    free = (rank[gone] == 0) & (rank[kept] == 0)
-    vertices[kept[free]] = (mesh.vertices[kept[free]] + mesh.vertices[gone[free]]) / 2.0
-    # Undo what would turn a face over or make it a needle.
+    vertices = mesh.vertices
+    # Undo what would turn a face over, make it a needle or take it off the surface.
     for _ in range(8):
         faces = target[mesh.faces]
         alive = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-        touched = alive & ((faces != mesh.faces).any(axis=1) | (vertices[mesh.faces] != mesh.vertices[mesh.faces]).any(axis=(1, 2)))
-        before, after = face_normals(mesh.vertices, mesh.faces[touched]), face_normals(vertices, faces[touched])
+        touched = alive & (faces != mesh.faces).any(axis=1)
+        before, after = face_normals(vertices, mesh.faces[touched]), face_normals(vertices, faces[touched])
         lengths_before, lengths_after = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
         fatness = lengths_after / longest_squared(vertices, faces[touched])
         turned = np.einsum("fi,fi->f", before, after) < 0.5 * lengths_before * lengths_after
-        turned |= (fatness < 0.05) & (fatness < lengths_before / longest_squared(mesh.vertices, mesh.faces[touched]))
+        turned |= (fatness < 0.05) & (fatness < lengths_before / longest_squared(vertices, mesh.faces[touched]))
+        middle = vertices[faces[touched]].mean(axis=1)
+        away = np.linalg.norm(put_back(middle, mesh.patch[touched]) - middle, axis=1)
+        turned |= away > SAGITTA * np.sqrt(longest_squared(vertices, faces[touched]))
         if not turned.any():
             break
         spoiled = np.zeros(count, dtype=bool)
@@ -205,7 +206,6 @@ def collapse_short(mesh: PatchMesh, size: Array, put_back: Callable[[Array, Indi
         spoiled[mesh.faces[touched][turned].ravel()] = True
         undo = spoiled[kept] | spoiled[gone]
         target[gone[undo]] = gone[undo]
-        vertices[kept[undo]] = mesh.vertices[kept[undo]]
         gone, kept = gone[~undo], kept[~undo]
     else:
         return mesh
