@@ -21,6 +21,8 @@ Solve = Callable[[Array, Indices], SurfaceTensor]
 FACE_LIMIT = 6000  # of one mesh: 3 GB would be 20,000, a minute of one core 10,000
 EXTRAPOLATION = 0.35  # what Richardson's extrapolation leaves of the change it makes, at worst (measured 0.05 to 0.31)
 DIRECT = (300, 5200)  # closed meshes with so many good faces are solved as they are
+SHAPE_LOSS = 4.0  # error of rotations over that of second moments: they go with differences of these
+DECIMATED = 2500.0  # faces of a solid with too many
 SHAPELY = 0.01  # twice the area of a good face over the square of its longest side, at least
 EXTRAPOLATED = "panels, two graded meshes extrapolated"
 KINKS = (1.0 / 200.0, 1.0 / 25.0)  # error over unresolved energy, smooth solids (measured 1/100 to 1/20,000) and sharp ones (1/26 to 1/86)
@@ -125,7 +127,7 @@ def remeshed_tensor(surface: Surface, solve: Solve, tolerance: float, budget: in
     if budget is not None:
         halves = [max(h for h in HALVES if h == 1 or 5 * h * h * count <= 1.3 * budget)]
     else:
-        halves = [h for h in HALVES if h == 2 or (h > 2 and 4 * h * h * count <= FACE_LIMIT)]
+        halves = [h for h in HALVES if h > 1 and 4 * h * h * count <= FACE_LIMIT] or [1]
     best, failure, spent = None, UnresolvedError(""), 0
     for half in halves:
         meshes = [graded_mesh(surface, coarse, parts) for parts in (half, 2 * half)]
@@ -160,13 +162,24 @@ def fitting_mesh(surface: Surface, tolerance: float, budget: int | None) -> tupl
 def solid_tensor(surface: Surface, solve: Solve, tolerance: float, budget: int | None) -> MeshTensor:
     """Solids: on the given mesh if it is good and good enough, else on one made for the purpose."""
     mesh = surface.mesh
-    best = None
-    if budget is None and DIRECT[0] <= len(mesh.faces) <= DIRECT[1] and well_shaped(mesh):
-        best = direct_tensor(surface, solve)
-    if best is None or best.error_estimate > tolerance:
-        other = remeshed_tensor(surface, solve, tolerance, budget)
-        if best is None or other.error_estimate < best.error_estimate:
-            best = other
+    direct = DIRECT[0] <= len(mesh.faces) <= DIRECT[1] and well_shaped(mesh)
+    ways = [lambda: direct_tensor(surface, solve)] if direct and budget is None else []
+    ways.append(lambda: remeshed_tensor(surface, solve, tolerance, budget))
+    if len(mesh.faces) > DIRECT[1] and budget is None:
+        ways.append(lambda: decimated_tensor(surface, solve))
+    best, failure = None, InputError("")
+    for way in ways:
+        try:
+            result = way()
+        except (InputError, UnresolvedError) as problem:
+            failure = InputError(str(problem))
+            continue
+        if best is None or result.error_estimate < best.error_estimate:
+            best = result
+        if best.error_estimate <= tolerance:
+            break
+    if best is None:
+        raise failure
     return best
 
 
@@ -176,6 +189,18 @@ def well_shaped(mesh: PatchMesh) -> bool:
     sides = ((corners - corners[:, [1, 2, 0]]) ** 2).sum(axis=2).max(axis=1)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return bool((np.linalg.norm(normals, axis=1) > SHAPELY * sides).all())
+
+
+def decimated_tensor(surface: Surface, solve: Solve) -> MeshTensor:
+    """The tensor of a solid on a mesh of fewer, even faces, scaled to the true volume by `solve`."""
+    fewer = coarse_mesh(surface, DECIMATED, even=True)
+    mesh = surface_from(fewer.vertices, fewer.faces, True)
+    true = measures(surface.mesh.vertices, surface.mesh.faces, True)
+    found = measures(fewer.vertices, fewer.faces, True)
+    scale = (true[1] / found[1]) ** (1.0 / 3.0)
+    lost = float(np.abs(found * scale ** np.array([2.0, 3.0, 5.0, 5.0, 5.0]) / true - 1.0).max())
+    result = direct_tensor(mesh, solve)
+    return MeshTensor(result.matrix, result.error_estimate + SHAPE_LOSS * lost, result.faces, "panels on a mesh of fewer faces")
 
 
 def direct_tensor(surface: Surface, solve: Solve) -> MeshTensor:
