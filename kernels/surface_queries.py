@@ -6,7 +6,12 @@ wp.set_module_options({"enable_backward": False})
 
 
 @wp.kernel
-def nearest_points(mesh: wp.uint64, points: wp.array(dtype=wp.vec3f), face_out: wp.array(dtype=int), weights_out: wp.array(dtype=wp.vec3f)):
+def nearest_points(
+    mesh: wp.uint64,
+    points: wp.array(dtype=wp.vec3f),
+    face_out: wp.array(dtype=int),
+    weights_out: wp.array(dtype=wp.vec3f),
+):
     """Face nearest to each point and the barycentric weights of the nearest point on it; the mesh has about unit size."""
     i = wp.tid()
     query = wp.mesh_query_point_no_sign(mesh, points[i], 10.0)
@@ -68,7 +73,7 @@ def self_contacts(
     lower = wp.min(wp.min(a, b), c) - pad
     upper = wp.max(wp.max(a, b), c) + pad
     query = wp.mesh_query_aabb(mesh, wp.vec3f(lower), wp.vec3f(upper))
-    g = int(0)
+    g = int(0)  # noqa: RUF046 (a variable of Warp, not a constant)
     kind_out[f] = 0
     while wp.mesh_query_aabb_next(query, g):
         if g != f and kind_out[f] == 0:

@@ -105,7 +105,8 @@ def kirchhoff_solution(
     if method == "auto" and shape.form != "mesh":
         matrix = exact_tensor(shape, fluid.density)
         return KirchhoffTensor(matrix, 0.0, 0, "exact formula", time.perf_counter() - start, False)
-    key = geometry_key(shape.mesh.vertices, shape.mesh.faces, not shape.is_sheet, (method, tolerance, faces, shape.form, shape.volume))
+    settings = (method, tolerance, faces, shape.form, shape.volume if shape.form != "mesh" else None)
+    key = geometry_key(shape.mesh.vertices, shape.mesh.faces, not shape.is_sheet, settings)
     found = load_tensor(key) if cache else None
     tensor = found or computed_tensor(shape, method, tolerance, faces, device, threads, progress)
     if cache and found is None:

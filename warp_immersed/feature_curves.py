@@ -17,7 +17,8 @@ SMOOTH = np.radians(22.0)  # a curve that turns by less at each point is taken f
 class FeatureCurves:
     """Curves between junctions, or closed loops: cubics through their points where these turn gently, else straight.
 
-    points: one (N, 3) array a curve, a loop repeating its first point; arcs: (N,) lengths along the points; loop: which are loops.
+    points: one (N, 3) array a curve, a loop repeating its first point; arcs: (N,) lengths along the points; loop: which
+    are loops.
     leaving, arriving: (N, 3), derivatives with arc length after and before each point. bulge: (C,) how far each curve leaves
     its straight segments.
     starts, ends: (S, 3) all their segments, with the curve (S,) and the arc length at the start (S,) of each.

@@ -125,8 +125,8 @@ def crowded(weights: Array, singular: Flags) -> Array:
     safe = np.where(mixed, s, 0.5)
     toward = weights[None] * singular[:, None]
     result = np.where(mixed, away * (graded / safe) + toward * ((1.0 - graded) / (1.0 - safe)), weights[None])
-    whole = singular.all(axis=1) | ~singular.any(axis=1)
-    return np.where(whole[:, None, None], weights[None], result)
+    count = singular.sum(axis=1)
+    return np.where(((count == 0) | (count == 3))[:, None, None], weights[None], result)
 
 
 def bends(

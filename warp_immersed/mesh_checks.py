@@ -89,7 +89,8 @@ def oriented(vertices: Array, faces: Indices, closed: bool, name: str) -> Indice
         if number == 1:
             raise InputError(f"{name}: is open at {where}; close it, or give a thickness [m] to make it a sheet")
         raise InputError(f"{name}: {number} faces meet at {where}; a closed body must have exactly 2 at every edge")
-    pairs = order[np.stack([first, first + 1], axis=1)[members == 2]] if (members == 2).any() else np.zeros((0, 2), dtype=np.int64)
+    twice = first[members == 2]
+    pairs = order[np.stack([twice, twice + 1], axis=1)]
     forward = halves[:, 0] < halves[:, 1]
     opposed = forward[pairs[:, 0]] == forward[pairs[:, 1]]  # both run the same way: one of the faces must turn
     f, g = pairs[:, 0] // 3, pairs[:, 1] // 3

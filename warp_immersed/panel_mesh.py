@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from warp_immersed.feature_curves import FeatureCurves, corner_vertices, feature_curves, nearest_on_curves, trace_curves
 from warp_immersed.graded_mesh import graded_subdivision
@@ -27,7 +29,8 @@ class Surface:
     """The original of all meshes of a body, scaled to about unit size.
 
     mesh: its triangles with their patches (parts bounded by rims, creases and sharp edges); curves: those bounds;
-    singular: (E,) of mesh_edges(mesh), where meshes crowd; closed: a solid; query: for nearest points; flat: (P,) patches that are plane.
+    singular: (E,) of mesh_edges(mesh), where meshes crowd; closed: a solid; query: for nearest points;
+    flat: (P,) patches that are plane.
     """
 
     mesh: PatchMesh
@@ -54,7 +57,8 @@ def nearest_on_surface(surface: Surface, points: Array) -> Array:
     face = wp.empty(len(points), dtype=int, device="cpu")
     weights = wp.empty(len(points), dtype=wp.vec3f, device="cpu")
     where = wp.array(points.astype(np.float32), dtype=wp.vec3f, device="cpu")
-    wp.launch(surface_queries.nearest_points, dim=len(points), inputs=[surface.query.id, where], outputs=[face, weights], device="cpu")
+    inputs = [surface.query.id, where]
+    wp.launch(surface_queries.nearest_points, dim=len(points), inputs=inputs, outputs=[face, weights], device="cpu")
     corners = surface.mesh.vertices[surface.mesh.faces[face.numpy()]]
     nearest = np.einsum("nk,nki->ni", weights.numpy().astype(np.float64), corners)
     # Into the plane of the nearest face: a smooth rim reaches a little beyond the straight edges of the faces.
@@ -105,16 +109,16 @@ def edge_angles(mesh: PatchMesh, edges: Edges) -> Array:
 
 def patches_between(faces: Indices, edges: Edges, feature: Flags) -> Indices:
     """Number (F,) of the part of the surface, bounded by feature edges, that each face belongs to."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     inner = ~feature & (edges.second >= 0)
     graph = coo_matrix((np.ones(inner.sum()), (edges.first[inner], edges.second[inner])), (len(faces), len(faces)))
     return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
 def coarse_mesh(surface: Surface, limit: float, even: bool = False) -> PatchMesh:
-    """A coarse mesh of well-shaped triangles with the rims and creases of a surface, of about `limit` faces at most (even: just so many)."""
+    """A coarse mesh of well-shaped triangles with the rims and creases of a surface.
+
+    limit: of about so many faces at most; even: of just about so many.
+    """
     mesh, edges = surface.mesh, surface.edges
     samples = []
     if surface.singular.any():

@@ -25,7 +25,8 @@ SHAPE_LOSS = 4.0  # error of rotations over that of second moments: they go with
 DECIMATED = 2500.0  # faces of a solid with too many
 SHAPELY = 0.01  # twice the area of a good face over the square of its longest side, at least
 EXTRAPOLATED = "panels, two graded meshes extrapolated"
-KINKS = (1.0 / 200.0, 1.0 / 25.0)  # error over unresolved energy, smooth solids (measured 1/100 to 1/20,000) and sharp ones (1/26 to 1/86)
+# Error over unresolved energy: of smooth solids (measured 1/100 to 1/20,000) and of sharp ones (1/26 to 1/86).
+KINKS = (1.0 / 200.0, 1.0 / 25.0)
 HALVES = (1, 2, 3, 4, 6, 8)  # parts of a coarse edge, on the coarser of two meshes
 LOST = 0.2  # of the tolerance: area that a coarse mesh may lose
 MINOR = 0.02  # modes with less than this of the largest added mass count as if they had so much
@@ -72,12 +73,13 @@ def mesh_tensor(
     center = vertices.mean(axis=0)
     size = float(np.abs(vertices - center).max())
     scaled = (vertices - center) / size
+    true_volume = 1.0
     if closed:
-        volume = (enclosed_volume(scaled, faces) if volume is None else volume / size**3)
+        true_volume = enclosed_volume(scaled, faces) if volume is None else volume / size**3
 
     def solve(vertices: Array, faces: Indices) -> SurfaceTensor:
         if closed:
-            vertices = vertices * (volume / enclosed_volume(vertices, faces)) ** (1.0 / 3.0)
+            vertices = vertices * (true_volume / enclosed_volume(vertices, faces)) ** (1.0 / 3.0)
         return surface_tensor(vertices + center / size, faces, closed, device, threads=threads, progress=progress)
 
     if as_given:

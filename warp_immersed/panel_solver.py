@@ -108,14 +108,17 @@ def silent(label: str, fraction: float) -> None:
     """No progress wanted."""
 
 
-def device_faces(corners: Array, edges: Array, normals: Array, areas: Array, device: str, single_precision: bool) -> list[wp.array]:
+def device_faces(
+    corners: Array, edges: Array, normals: Array, areas: Array, device: str, single_precision: bool
+) -> list[wp.array]:
     """The arrays of faces that the kernels take: corners, centroid, normal, area, longest edge, second moment over area."""
     centroids = corners.mean(axis=1)
     arms = corners - centroids[:, None]
     moments = np.einsum("fki,fkj->fij", arms, arms) / 12.0
     longest = np.linalg.norm(edges, axis=2).max(axis=1)
     scalar, vector, matrix = (wp.float32, wp.vec3f, wp.mat33f) if single_precision else (wp.float64, wp.vec3d, wp.mat33d)
-    columns = [(corners[:, 0], vector), (corners[:, 1], vector), (corners[:, 2], vector), (centroids, vector), (normals, vector)]
+    columns: list[tuple[Array, object]] = [(corners[:, k], vector) for k in range(3)]
+    columns += [(centroids, vector), (normals, vector)]
     columns += [(areas, scalar), (longest, scalar), (moments, matrix)]
     return [wp.array(np.ascontiguousarray(values), dtype=dtype, device=device) for values, dtype in columns]
 

@@ -14,9 +14,9 @@ AXES = ("x", "y", "z")
 def tensor_table(solution: KirchhoffTensor, shape: Shape, fluid: Fluid, name: str, own_mass: bool = True) -> str:
     """A readable table of a tensor; own_mass: also in % of the body's mass and inertia (its density was given)."""
     body = "sheet" if shape.is_sheet else "solid"
-    size = np.ptp(shape.mesh.vertices, axis=0)
+    size = " x ".join(f"{length:.4g}" for length in np.ptp(shape.mesh.vertices, axis=0))
     lines = [
-        f"{name}: {body}, {len(shape.mesh.faces)} faces, {' x '.join(f'{length:.4g}' for length in size)} m along its principal axes",
+        f"{name}: {body}, {len(shape.mesh.faces)} faces, {size} m along its principal axes",
         f"fluid: {fluid.density:.6g} kg/m^3",
     ]
     if own_mass:
@@ -28,7 +28,8 @@ def tensor_table(solution: KirchhoffTensor, shape: Shape, fluid: Fluid, name: st
     ]
     for title, block, own, of_what in blocks:
         lines += ["", f"{title:<20}{'x':>13}{'y':>13}{'z':>13}"]
-        lines += [f"  {axis:<18}" + "".join(entry_text(value, block) for value in row) for axis, row in zip(AXES, block, strict=True)]
+        for axis, row in zip(AXES, block, strict=True):
+            lines.append(f"  {axis:<18}" + "".join(entry_text(value, block) for value in row))
         if own_mass:
             share = 100.0 * np.diag(block) / own
             lines.append(f"  {'%':<18}" + "".join(f"{value:>13.4g}" for value in share) + f"   {of_what}")
