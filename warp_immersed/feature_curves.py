@@ -193,7 +193,7 @@ def corner_vertices(curves: FeatureCurves, chains: list[Indices], size: float) -
             turning[[0, -1]] = 0.0
         for i in np.argsort(-turning, kind="stable").tolist():
             if turning[i] < CORNER:
-                break
+                continue  # too gentle, or within the window of a sharper one
             gap = np.abs(arc - arc[i])
             if curves.loop[index]:
                 gap = np.minimum(gap, arc[-1] - gap)
