@@ -41,6 +41,15 @@ def graded_subdivision(
     return vertices, faces
 
 
+def folded_faces(
+    base: PatchMesh, singular: Flags, curves: FeatureCurves, put_back: Callable[[Array, Indices], Array]
+) -> Indices:
+    """Faces of a coarse mesh that would fold over, at least in part, when subdivided."""
+    edges = mesh_edges(base)
+    cut = subdivide(base, edges, singular, 4, curves, edge_arcs(base, edges, curves), put_back)
+    return inverted_parents(base, *cut, 4)
+
+
 def edge_arcs(base: PatchMesh, edges: Edges, curves: FeatureCurves) -> dict[int, tuple[int, float, float]]:
     """For each feature edge the curve it stands for and the arc lengths of its ends."""
     arcs = {}

@@ -9,11 +9,11 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from warp_immersed.feature_curves import FeatureCurves, corner_vertices, feature_curves, nearest_on_curves, trace_curves
-from warp_immersed.graded_mesh import graded_subdivision
+from warp_immersed.graded_mesh import folded_faces, graded_subdivision
 from warp_immersed.kernels import surface_queries
 from warp_immersed.mesh_checks import warp_mesh
 from warp_immersed.mesh_size import bend_samples, rim_samples, size_field
-from warp_immersed.remesh import Edges, PatchMesh, face_normals, mesh_edges, remesh, split_where, vertex_patch, vertex_rank
+from warp_immersed.remesh import Edges, PatchMesh, face_normals, flip_edges, mesh_edges, relax, remesh, split_where, vertex_patch, vertex_rank
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -130,7 +130,41 @@ def coarse_mesh(surface: Surface, limit: float, even: bool = False) -> PatchMesh
     samples.append(bend_samples(mesh.vertices, mesh.faces, np.column_stack([edges.ends[smooth], *opposite])))
     size_at = size_field(mesh.vertices, mesh.faces, samples, limit, even)
     coarse = remesh(mesh, size_at, surface.put_back, limit=int(20 * limit) + 2 * len(mesh.faces))
-    return without_bridges(surface, coarse)
+    return without_folds(surface, without_bridges(surface, coarse))
+
+
+def without_folds(surface: Surface, mesh: PatchMesh) -> PatchMesh:
+    """Halve the rim edges (else the longest edges) of faces that would fold over when their rims are bent to the curves."""
+    for _ in range(5):
+        edges = mesh_edges(mesh)
+        folded = folded_faces(mesh, singular_vertices(surface, mesh, edges), surface.curves, surface.put_back)
+        if not len(folded):
+            break
+        lengths = np.linalg.norm(mesh.vertices[edges.ends[:, 0]] - mesh.vertices[edges.ends[:, 1]], axis=1)
+        wanted = np.zeros(len(lengths))
+        for face in edges.of_face[folded]:
+            curved = face[edges.feature[face]]
+            chosen = curved if len(curved) else face[[np.argmax(lengths[face])]]
+            wanted[chosen] = lengths[chosen]
+        once = wanted
+
+        def only_once(_: PatchMesh, edges: Edges, once: Array = once, count: int = len(edges.ends)) -> Array:
+            return once if len(edges.ends) == count else np.zeros(len(edges.ends))
+
+        mesh = on_surface(surface, split_where(mesh, only_once, limit=10**6))
+        for _ in range(2):
+            mesh = flip_edges(mesh)
+        mesh = without_bridges(surface, relax(mesh, surface.put_back))
+    return mesh
+
+
+def on_surface(surface: Surface, mesh: PatchMesh) -> PatchMesh:
+    """The same mesh with its free vertices put back on the surface and its curves."""
+    rank = vertex_rank(mesh, mesh_edges(mesh))
+    vertices = mesh.vertices.copy()
+    free = rank < 2
+    vertices[free] = surface.put_back(vertices[free], vertex_patch(mesh, rank)[free])
+    return PatchMesh(vertices, mesh.faces, mesh.patch, mesh.fixed)
 
 
 def singular_vertices(surface: Surface, mesh: PatchMesh, edges: Edges) -> Flags:
@@ -165,11 +199,7 @@ def without_bridges(surface: Surface, mesh: PatchMesh) -> PatchMesh:
             np.concatenate([mesh.patch[~whole], *[mesh.patch[whole]] * 3]),
             np.concatenate([mesh.fixed, np.zeros(len(a), dtype=bool)]),
         )
-    rank = vertex_rank(mesh, mesh_edges(mesh))
-    vertices = mesh.vertices.copy()
-    free = rank < 2
-    vertices[free] = surface.put_back(vertices[free], vertex_patch(mesh, rank)[free])
-    return PatchMesh(vertices, mesh.faces, mesh.patch, mesh.fixed)
+    return on_surface(surface, mesh)
 
 
 def graded_mesh(surface: Surface, coarse: PatchMesh, parts: int) -> tuple[Array, Indices]:
