@@ -18,6 +18,7 @@ Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 GRADING = 2.0
+FOLD_PARTS = 8  # where folds are looked for: a finer cut shows more of them
 
 
 def graded_subdivision(
@@ -46,8 +47,8 @@ def folded_faces(
 ) -> Indices:
     """Faces of a coarse mesh that would fold over, at least in part, when subdivided."""
     edges = mesh_edges(base)
-    cut = subdivide(base, edges, singular, 4, curves, edge_arcs(base, edges, curves), put_back)
-    return inverted_parents(base, *cut, 4)
+    cut = subdivide(base, edges, singular, FOLD_PARTS, curves, edge_arcs(base, edges, curves), put_back)
+    return inverted_parents(base, *cut, FOLD_PARTS)
 
 
 def edge_arcs(base: PatchMesh, edges: Edges, curves: FeatureCurves) -> dict[int, tuple[int, float, float]]:

@@ -124,7 +124,8 @@ def extrapolated(fine: Array, coarse: Array) -> tuple[Array, float]:
 
 def remeshed_tensor(surface: Surface, solve: Solve, tolerance: float, budget: int | None) -> MeshTensor:
     """Make a coarse mesh and cut it more and more finely until two such meshes extrapolate to the tolerance."""
-    coarse, lost = fitting_mesh(surface, tolerance, budget)
+    coarse = fitting_mesh(surface, tolerance, budget)
+    given = measures(surface.mesh.vertices, surface.mesh.faces, surface.closed)
     count = len(coarse.faces)
     if budget is not None:
         halves = [max(h for h in HALVES if h == 1 or 5 * h * h * count <= 1.3 * budget)]
@@ -139,6 +140,7 @@ def remeshed_tensor(surface: Surface, solve: Solve, tolerance: float, budget: in
             failure = problem
             continue
         matrix, error = extrapolated(finer.matrix, coarser.matrix)
+        lost = max(float(np.abs(measures(*mesh, surface.closed) / given - 1.0).max()) for mesh in meshes[1:])
         spent += sum(len(mesh[1]) for mesh in meshes)
         best = MeshTensor(positive_symmetric(matrix)[0], error + lost + finer.correction, spent, EXTRAPOLATED)
         if best.error_estimate <= tolerance:
@@ -148,16 +150,17 @@ def remeshed_tensor(surface: Surface, solve: Solve, tolerance: float, budget: in
     return best
 
 
-def fitting_mesh(surface: Surface, tolerance: float, budget: int | None) -> tuple[PatchMesh, float]:
-    """A coarse mesh that follows the surface, and how far its area (solids: volume and second moments) is from the true one."""
+def fitting_mesh(surface: Surface, tolerance: float, budget: int | None) -> PatchMesh:
+    """A coarse mesh that follows the surface: its area (solids: volume and second moments too) is nearly the true one."""
     given = measures(surface.mesh.vertices, surface.mesh.faces, surface.closed)
     sheet_limit, solid_limit = (24.0, 60.0) if budget is None else (max(8.0, budget / 45.0), max(24.0, budget / 45.0))
     limit = solid_limit if surface.closed else sheet_limit
     while True:
         coarse = coarse_mesh(surface, limit, even=not surface.singular.any())
-        lost = float(np.abs(measures(*graded_mesh(surface, coarse, 4), surface.closed) / given - 1.0).max())
+        cuts = [graded_mesh(surface, coarse, parts) for parts in (4, 8)]
+        lost = max(float(np.abs(measures(*cut, surface.closed) / given - 1.0).max()) for cut in cuts)
         if budget is not None or lost < LOST * tolerance or len(coarse.faces) > FACE_LIMIT // 32:
-            return coarse, lost
+            return coarse
         limit *= 2.0
 
 
