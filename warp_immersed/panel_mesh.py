@@ -13,7 +13,19 @@ from warp_immersed.graded_mesh import folded_faces, graded_subdivision
 from warp_immersed.kernels import surface_queries
 from warp_immersed.mesh_checks import warp_mesh
 from warp_immersed.mesh_size import bend_samples, rim_samples, size_field
-from warp_immersed.remesh import Edges, PatchMesh, face_normals, flip_edges, mesh_edges, relax, remesh, split_where, vertex_patch, vertex_rank
+from warp_immersed.remesh import (
+    Edges,
+    PatchMesh,
+    face_normals,
+    flip_edges,
+    mesh_edges,
+    moved_safely,
+    relax,
+    remesh,
+    split_where,
+    vertex_patch,
+    vertex_rank,
+)
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -164,7 +176,7 @@ def on_surface(surface: Surface, mesh: PatchMesh) -> PatchMesh:
     vertices = mesh.vertices.copy()
     free = rank < 2
     vertices[free] = surface.put_back(vertices[free], vertex_patch(mesh, rank)[free])
-    return PatchMesh(vertices, mesh.faces, mesh.patch, mesh.fixed)
+    return moved_safely(mesh, vertices)
 
 
 def singular_vertices(surface: Surface, mesh: PatchMesh, edges: Edges) -> Flags:

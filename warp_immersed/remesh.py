@@ -286,19 +286,22 @@ def relax(mesh: PatchMesh, put_back: Callable[[Array, Indices], Array]) -> Patch
     moved = mesh.vertices.copy()
     moved[inner] = 0.5 * (mesh.vertices[inner] + total[inner] / weight[inner][:, None])
     moved[free] = put_back(moved[free], vertex_patch(mesh, rank)[free])
-    # Vertices whose move would turn a face over stay.
+    return moved_safely(mesh, moved)
+
+
+def moved_safely(mesh: PatchMesh, moved: Array) -> PatchMesh:
+    """The mesh with its vertices at `moved` (V, 3), but for those whose move would turn a face over or flatten it."""
+    moved = moved.copy()
     for _ in range(8):
         before, after = face_normals(mesh.vertices, mesh.faces), face_normals(moved, mesh.faces)
         product = np.einsum("fi,fi->f", before, after)
         turned = product < 0.3 * np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
         turned |= np.linalg.norm(after, axis=1) < 0.3 * np.linalg.norm(before, axis=1)
         if not turned.any():
-            break
+            return PatchMesh(moved, mesh.faces, mesh.patch, mesh.fixed)
         stay = np.unique(mesh.faces[turned])
         moved[stay] = mesh.vertices[stay]
-    else:
-        return mesh
-    return PatchMesh(moved, mesh.faces, mesh.patch, mesh.fixed)
+    return mesh
 
 
 def remesh(
