@@ -149,7 +149,7 @@ def without_folds(surface: Surface, mesh: PatchMesh) -> PatchMesh:
     """Halve the rim edges (else the longest edges) of faces that would fold over when their rims are bent to the curves."""
     for _ in range(5):
         edges = mesh_edges(mesh)
-        folded = folded_faces(mesh, singular_vertices(surface, mesh, edges), surface.curves, surface.put_back)
+        folded = folded_faces_of(surface, mesh)
         if not len(folded):
             break
         lengths = np.linalg.norm(mesh.vertices[edges.ends[:, 0]] - mesh.vertices[edges.ends[:, 1]], axis=1)
@@ -168,6 +168,11 @@ def without_folds(surface: Surface, mesh: PatchMesh) -> PatchMesh:
             mesh = flip_edges(mesh)
         mesh = without_bridges(surface, relax(mesh, surface.put_back))
     return mesh
+
+
+def folded_faces_of(surface: Surface, mesh: PatchMesh) -> Indices:
+    """Faces of a coarse mesh that fold over when cut finely and put on the surface."""
+    return folded_faces(mesh, singular_vertices(surface, mesh, mesh_edges(mesh)), surface.curves, surface.put_back)
 
 
 def on_surface(surface: Surface, mesh: PatchMesh) -> PatchMesh:

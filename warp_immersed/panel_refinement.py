@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from warp_immersed.errors import InputError
 from warp_immersed.mass_properties import closed_integrals
 from warp_immersed.mesh_checks import clean_surface
-from warp_immersed.panel_mesh import Surface, coarse_mesh, graded_mesh, surface_from
+from warp_immersed.panel_mesh import Surface, coarse_mesh, folded_faces_of, graded_mesh, surface_from
 from warp_immersed.panel_solver import SurfaceTensor, UnresolvedError, positive_symmetric, surface_tensor
 from warp_immersed.remesh import PatchMesh, face_normals
 
@@ -159,7 +159,8 @@ def fitting_mesh(surface: Surface, tolerance: float, budget: int | None) -> Patc
         coarse = coarse_mesh(surface, limit, even=not surface.singular.any())
         cuts = [graded_mesh(surface, coarse, parts) for parts in (4, 8)]
         lost = max(float(np.abs(measures(*cut, surface.closed) / given - 1.0).max()) for cut in cuts)
-        if budget is not None or lost < LOST * tolerance or len(coarse.faces) > FACE_LIMIT // 32:
+        fits = lost < LOST * tolerance and not len(folded_faces_of(surface, coarse))
+        if budget is not None or fits or len(coarse.faces) > FACE_LIMIT // 16:
             return coarse
         limit *= 2.0
 
