@@ -155,14 +155,21 @@ def fitting_mesh(surface: Surface, tolerance: float, budget: int | None) -> Patc
     given = measures(surface.mesh.vertices, surface.mesh.faces, surface.closed)
     sheet_limit, solid_limit = (24.0, 60.0) if budget is None else (max(8.0, budget / 45.0), max(24.0, budget / 45.0))
     limit = solid_limit if surface.closed else sheet_limit
-    while True:
+    best, least = None, np.inf
+    for _ in range(6 if budget is None else 1):
         coarse = coarse_mesh(surface, limit, even=not surface.singular.any())
+        if best is not None and len(coarse.faces) > FACE_LIMIT // 8:
+            break
         cuts = [graded_mesh(surface, coarse, parts) for parts in (4, 8)]
         lost = max(float(np.abs(measures(*cut, surface.closed) / given - 1.0).max()) for cut in cuts)
-        fits = lost < LOST * tolerance and not len(folded_faces_of(surface, coarse))
-        if budget is not None or fits or len(coarse.faces) > FACE_LIMIT // 16:
-            return coarse
+        lost += len(folded_faces_of(surface, coarse)) / len(coarse.faces)
+        if best is None or lost < least:
+            best, least = coarse, lost
+        if least < LOST * tolerance:
+            break
         limit *= 2.0
+    assert best is not None  # one round at least
+    return best
 
 
 def solid_tensor(surface: Surface, solve: Solve, tolerance: float, budget: int | None) -> MeshTensor:
