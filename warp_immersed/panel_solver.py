@@ -81,7 +81,7 @@ def surface_tensor(
     loads = corner_loads(corners, normals, areas)
     right = add_corners(sectors, loads)
     chambers = sectors.chambers
-    energy += np.trace(energy) / sectors.count * chambers @ chambers.T
+    energy += np.trace(energy) / max(sectors.count, 1) * chambers @ chambers.T
     try:
         jumps = cho_solve(cho_factor(energy, overwrite_a=True, check_finite=False), right, check_finite=False)
     except LinAlgError as error:
