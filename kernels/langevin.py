@@ -33,8 +33,7 @@ def as_floats(v: Any):
 
 @wp.func
 def local_decay(k: wp.float32, epsilon: wp.float32, viscosity: wp.float32, step: wp.float32):
-    """exp(-step / T_L) with 1 / T_L = 3/4 C0 epsilon / k and C0 = 6.5 (1 + 140 R^(-4/3))^(-3/4), R = k (20 / (3 nu epsilon))^(1/2),
-    as `warp_immersed.turbulence` has it for homogeneous turbulence; 0 without k, 1 without epsilon."""
+    """exp(-step / T_L), 1 / T_L = 3/4 C0 epsilon / k, C0 = 6.5 (1 + 140 R^(-4/3))^(-3/4), R = k (20 / (3 nu epsilon))^(1/2), as `warp_immersed.turbulence` has it for homogeneous turbulence; 0 without k, 1 without epsilon."""
     decay = float(0.0)
     if k > 0.0:
         decay = 1.0
@@ -55,9 +54,7 @@ def mean_air(environment: Any, flow: FlowField, position: Any, time: wp.float32)
 
 
 @wp.func
-def released_air(
-    environment: Any, flow: FlowField, position: Any, time: wp.float32, random_key: wp.uint32, body: wp.int32
-):
+def released_air(environment: Any, flow: FlowField, position: Any, time: wp.float32, random_key: wp.uint32, body: wp.int32):
     """The air seen at release: the mean and a stationary fluctuation, Gaussian with variance 2 k / 3 a component."""
     mean = environment.mean_wind
     sigma = environment.wind_sigma
@@ -89,9 +86,7 @@ def next_air(
     if environment.wind_varies != 0:
         sample = sample_flow(flow, as_floats(position), time)
         mean = as_vector(mean, sample.velocity)
-        local = local_decay(
-            sample.k, sample.epsilon, wp.float32(environment.viscosity), wp.float32(environment.wind_step)
-        )
+        local = local_decay(sample.k, sample.epsilon, wp.float32(environment.viscosity), wp.float32(environment.wind_step))
         decay = type(decay)(local)
         kick = type(kick)(wp.sqrt(2.0 / 3.0 * sample.k * wp.max(1.0 - local * local, 0.0)))
         next_mean = mean_air(environment, flow, next_position, time + wp.float32(environment.wind_step))

@@ -1,8 +1,17 @@
 """Shared set-up: a quiet Warp, the --slow switch, and bodies simple enough to have exact answers."""
 
+import atexit
+import os
+import shutil
+import tempfile
+
 import pytest
 import warp as wp
 
+# what earlier runs left in the user's cache must not decide a test
+if "WARP_IMMERSED_CACHE" not in os.environ:
+    os.environ["WARP_IMMERSED_CACHE"] = tempfile.mkdtemp(prefix="warp-immersed-test-")
+    atexit.register(shutil.rmtree, os.environ["WARP_IMMERSED_CACHE"], ignore_errors=True)
 wp.config.log_level = wp.LOG_ERROR
 wp.init()
 

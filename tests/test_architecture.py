@@ -17,7 +17,7 @@ HOST = sorted((ROOT / "warp_immersed").rglob("*.py"))
 
 # Higher rooms may import lower ones only.
 FLOORS = [
-    {"version", "errors", "launch_plan"},
+    {"version", "errors", "launch_plan", "remesh", "mesh_size", "fluid_sectors", "feature_curves"},
     {
         "fluid",
         "mass_properties",
@@ -29,12 +29,12 @@ FLOORS = [
         "boundaries",
         "poisson",
     },
-    {"shape", "turbulence", "counter_random", "turbulence_grid", "flow_setup"},
-    {"library", "added_mass", "force_law", "resting", "emitters", "obstacles", "k_epsilon"},
-    {"body_model", "shape_table", "field_scene", "unsteady"},
-    {"device_state", "frame_stepper", "scene", "bake"},
-    {"ensemble"},
-    {"recording", "progress"},
+    {"shape", "turbulence", "counter_random", "turbulence_grid", "flow_setup", "graded_mesh", "mesh_checks", "panel_solver"},
+    {"library", "force_law", "resting", "emitters", "obstacles", "k_epsilon", "panel_mesh", "fundamental_solutions"},
+    {"body_model", "shape_table", "field_scene", "unsteady", "panel_refinement"},
+    {"device_state", "frame_stepper", "scene", "bake", "tensor_cache"},
+    {"ensemble", "added_mass"},
+    {"recording", "progress", "tensor_report"},
     {"usd", "simulation"},
     {"summary"},
     {"cli"},
