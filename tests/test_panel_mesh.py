@@ -91,17 +91,19 @@ def crossing() -> tuple[np.ndarray, np.ndarray]:
 
 def overlapping() -> tuple[np.ndarray, np.ndarray]:
     vertices, faces = disk(2)
-    return np.vstack([vertices, vertices + [0.31, 0.17, 0.0]]), np.vstack([faces, faces + len(vertices)])
+    return np.vstack([vertices, vertices + np.array([0.31, 0.17, 0.0])]), np.vstack([faces, faces + len(vertices)])
 
 
 def crossed_solids() -> tuple[np.ndarray, np.ndarray]:
     ball = icosphere(1)
-    return np.vstack([ball.vertices, ball.vertices + [0.9, 0.1, 0.05]]), np.vstack([ball.faces, ball.faces + len(ball.vertices)])
+    return np.vstack([ball.vertices, ball.vertices + np.array([0.9, 0.1, 0.05])]), np.vstack(
+        [ball.faces, ball.faces + len(ball.vertices)]
+    )
 
 
 def touching_boxes() -> tuple[np.ndarray, np.ndarray]:
     one = box((1.0, 1.0, 1.0))
-    return np.vstack([one.vertices, one.vertices + [1.0, 1.0, 0.0]]), np.vstack([one.faces, one.faces + 8])
+    return np.vstack([one.vertices, one.vertices + np.array([1.0, 1.0, 0.0])]), np.vstack([one.faces, one.faces + 8])
 
 
 @pytest.mark.parametrize(

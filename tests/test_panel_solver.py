@@ -82,9 +82,8 @@ def test_moves_with_the_body(seed: int, kind: str) -> None:
     powers = scale ** np.array([1.5, 1.5, 1.5, 2.5, 2.5, 2.5])
     expected = turned(rotation) @ base @ turned(rotation).T * np.outer(powers, powers)
     expected = shifted_tensor(expected, scale * offset)
-    assert found == pytest.approx(
-        expected, abs=2e-4 * np.abs(expected).max() if kind == "solid" else 1e-9 * np.abs(expected).max()
-    )
+    allowed = 2e-4 if kind == "solid" else 1e-9
+    assert found == pytest.approx(expected, abs=allowed * np.abs(expected).max())
 
 
 def test_sheet_orientation_does_not_matter() -> None:

@@ -1,10 +1,14 @@
 """`simulate`: the one place that ties a scene, its bodies, a device and the files together."""
 
 import platform
+import signal
+import threading
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType
 from typing import Any, Protocol
 
 import numpy as np
@@ -166,16 +170,20 @@ def run(ensemble: Ensemble, frames: int, sinks: Sequence[FrameSink], report: Cal
     report: called with (frames done, body_steps) after each frame. On any other exception the sinks are aborted.
     """
     done, body_steps, interrupted = 0, 0, False
+    asked_to_stop = threading.Event()
     failed = np.zeros(0, dtype=np.int64)
     try:
         try:
-            for frame in ensemble.frames(frames):
-                for sink in sinks:
-                    sink.write(frame)
-                done, body_steps = done + 1, frame.body_steps
-                failed = np.flatnonzero(frame.state == FAILED)
-                if report is not None:
-                    report(done, body_steps)
+            with interrupts_held(asked_to_stop):
+                for frame in ensemble.frames(frames):
+                    for sink in sinks:
+                        sink.write(frame)
+                    done, body_steps = done + 1, frame.body_steps
+                    failed = np.flatnonzero(frame.state == FAILED)
+                    if report is not None:
+                        report(done, body_steps)
+                    if asked_to_stop.is_set():
+                        raise KeyboardInterrupt
         except KeyboardInterrupt:
             interrupted = True
             if done == 0:
@@ -189,6 +197,25 @@ def run(ensemble: Ensemble, frames: int, sinks: Sequence[FrameSink], report: Cal
     finally:
         ensemble.close()
     return Outcome(done, body_steps, tuple(failed.tolist()), interrupted)
+
+
+@contextmanager
+def interrupts_held(asked: threading.Event) -> Iterator[None]:
+    """Ctrl-C sets `asked` instead of breaking into the middle of a frame; a second one breaks. Main thread only."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def hold(number: int, stack: FrameType | None) -> None:
+        if asked.is_set():
+            raise KeyboardInterrupt
+        asked.set()
+
+    before = signal.signal(signal.SIGINT, hold)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 class MemorySink:

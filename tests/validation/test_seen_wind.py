@@ -99,15 +99,16 @@ def test_uniform_wind_changes_no_statistic(shape, fluid) -> None:
 
     With absolute momentum in the Kirchhoff terms the drift is 0.2 to 0.5 of the wind and the tumbling dies.
     """
-    bodies, fps, frames = 1500, 60.0, 361
+    bodies, fps, frames = 1500, 60.0, 481
     start = started(orientations=random_orientations(bodies, 1), count=bodies)
     model = model_in(shape, fluid)
     still = trajectory(model, start, Surroundings(fluid), fps, frames)
     fall = -still["velocities"][120:, :, 1].mean()
     wind = np.array([3.0 * fall, 0.0, 0.0])
     blown = trajectory(model, start, Surroundings(fluid, mean_wind=tuple(wind)), fps, frames)
-    drift = blown["velocities"][120:].mean(axis=(0, 1)) - still["velocities"][120:].mean(axis=(0, 1))
-    assert 0.97 <= drift[0] / wind[0] <= 1.005, "the heading of a gliding body averages out"
+    drifts = (blown["velocities"][120:] - still["velocities"][120:]).mean(axis=0)[:, 0] / wind[0]
+    # bodies glide, each on a heading that it keeps: over the bodies it averages out
+    assert 0.97 <= drifts.mean() <= 1.0 + 4.0 * drifts.std() / np.sqrt(bodies)
 
     def statistics(run):
         spin = np.linalg.norm(run["angular_velocities"][120:], axis=2).mean(axis=0)
