@@ -33,7 +33,8 @@ def as_floats(v: Any):
 
 @wp.func
 def local_decay(k: wp.float32, epsilon: wp.float32, viscosity: wp.float32, step: wp.float32):
-    """exp(-step / T_L), 1 / T_L = 3/4 C0 epsilon / k, C0 = 6.5 (1 + 140 R^(-4/3))^(-3/4), R = k (20 / (3 nu epsilon))^(1/2), as `warp_immersed.turbulence` has it for homogeneous turbulence; 0 without k, 1 without epsilon."""
+    """exp(-step / T_L), 1 / T_L = 3/4 C0 epsilon / k, C0 = 6.5 (1 + 140 R^(-4/3))^(-3/4), R = k (20 / (3 nu epsilon))^(1/2), as
+    `warp_immersed.turbulence` has it for homogeneous turbulence; 0 without k, 1 without epsilon."""
     decay = float(0.0)
     if k > 0.0:
         decay = 1.0
