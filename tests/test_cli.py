@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from pxr import Usd, UsdGeom
 
+import warp_immersed as wi
 from warp_immersed.recording import Recording
 
 ROOT = Path(__file__).parent.parent
@@ -22,6 +23,12 @@ count = 20
 shape = { library = "disk" }
 emitter = { kind = "box", center = [0, 3, 0], size = [1, 1, 1] }
 """
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled_kernels() -> None:
+    """A first run on a machine says that it compiles; the tests are about the runs after it."""
+    wi.simulate(wi.Scene.from_text(SMALL), device="cpu")
 
 
 def run(*arguments: str, cwd: Path, **options) -> subprocess.CompletedProcess[str]:

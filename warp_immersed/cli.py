@@ -3,6 +3,8 @@
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -48,19 +50,14 @@ def run(
 
     loaded = Scene.load(scene).changed(seed=seed, count_scale=count_scale, fidelity=fidelity)
     where = choose_device(device)
-    planned = plan(loaded)
+    with patience("working out the added mass of new shapes, once"):
+        planned = plan(loaded)
     for note in planned.notes:
         typer.echo(f"note: {note}")
     path = output or Path("out") / f"{loaded.name}.usdc"
     check_output(path, loaded.frame_count, loaded.body_count)
-    # the kernels are compiled on the first run on a machine, which would be a long silence
-    patience = threading.Timer(2.5, lambda: typer.echo("compiling kernels for this machine, once", err=True))
-    patience.daemon = True
-    patience.start()
-    try:
+    with patience("compiling kernels for this machine, once"):
         ensemble = ensemble_of(planned, where, threads)
-    finally:
-        patience.cancel()
     sink = open_sink(path, planned.prototypes, loaded.fps, manifest_of(planned, where))
     typer.echo(f"{loaded.name}: {loaded.body_count} bodies, {loaded.frame_count} frames at {loaded.fps:g} fps, on {where.name}")
     for kind in planned.kinds:
@@ -110,6 +107,18 @@ def info(scene: Annotated[str | None, typer.Argument(help="A scene file or built
         lines = describe_scene(plan(Scene.load(scene)))
     for line in lines:
         typer.echo(line)
+
+
+@contextmanager
+def patience(reason: str) -> Iterator[None]:
+    """Say why it takes so long, if it does: a first run on a machine would be a long silence."""
+    timer = threading.Timer(2.5, lambda: typer.echo(reason, err=True))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def start_warp() -> None:
