@@ -33,7 +33,7 @@ FLOORS = [
     {"library", "force_law", "resting", "emitters", "obstacles", "k_epsilon", "panel_mesh", "fundamental_solutions"},
     {"body_model", "shape_table", "field_scene", "unsteady", "panel_refinement"},
     {"device_state", "frame_stepper", "scene", "bake", "tensor_cache"},
-    {"ensemble", "added_mass"},
+    {"ensemble", "added_mass", "scene_flow"},
     {"recording", "progress", "tensor_report"},
     {"usd", "simulation"},
     {"summary"},

@@ -45,7 +45,7 @@ BAD = [
     ('fluid = "air"', "fluid = { density = 0.0, kinematic_viscosity = 1e-5 }", ["fluid.density: found 0.0"]),
     ("velocity = [0.5, 0.0, 0.0]", "velocity = [0.5, 0.0]", ["wind.velocity[2]: missing"]),
     ("k = 0.05", "k = -0.05", ["turbulence.k: found -0.05"]),
-    ('kind = "homogeneous"', 'kind = "grid"', ["turbulence.kind: found 'grid'", "'homogeneous'"]),
+    ('kind = "homogeneous"', 'kind = "gird"', ["turbulence.kind: found 'gird'", "'homogeneous'"]),
     ('kind = "homogeneous"\n', "", ["turbulence.kind: missing"]),
     ("height = 0.0", "hight = 0.0", ["ground.hight: unknown key", "'height'"]),
     ("count = 40", "count = 0", ["bodies[0].count: found 0"]),

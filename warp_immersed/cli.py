@@ -51,7 +51,7 @@ def run(
     loaded = Scene.load(scene).changed(seed=seed, count_scale=count_scale, fidelity=fidelity)
     where = choose_device(device)
     with patience("working out the added mass of new shapes, once"):
-        planned = plan(loaded)
+        planned = plan(loaded, where.alias, bake_report if progress else None)
     for note in planned.notes:
         typer.echo(f"note: {note}")
     path = output or Path("out") / f"{loaded.name}.usdc"
@@ -90,6 +90,109 @@ def export(
     check_output(output, len(loaded.times), loaded.positions.shape[1])
     export_usd(loaded, output)
     typer.echo(f"{output}: {mass_text(output.stat().st_size)}, {len(loaded.times)} frames")
+
+
+@app.command()
+def bake(
+    field: Annotated[Path, typer.Argument(help="A field file (.toml).")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="An .h5 file. [default: FIELD.h5]")] = None,
+    device: DeviceOption = None,
+    resume: Annotated[bool, typer.Option(help="Go on from the checkpoint of an interrupted bake.")] = False,
+    threads: Annotated[int | None, typer.Option(min=1, help="CPU threads; they do not change the result.")] = None,
+    progress: Annotated[bool, typer.Option(help="Show progress.")] = True,
+) -> None:
+    """Solve the mean wind and turbulence of a field, once, for scenes to use."""
+    start_warp()
+    from warp_immersed.bake import bake as bake_field
+    from warp_immersed.bake import plan_bake
+    from warp_immersed.field_scene import FieldScene
+    from warp_immersed.simulation import choose_device
+
+    where = choose_device(device)
+    described = FieldScene.load(field)
+    path = output or field.with_suffix(".h5")
+    check_folder(path)
+    expected = plan_bake(described, where.alias, threads)
+    took = "" if expected.seconds is None else f", about {expected.seconds:.0f} s"
+    cells = " x ".join(map(str, expected.cells))
+    typer.echo(f"{field.name}: {cells} cells, {expected.memory / 1e6:.0f} MB{took}, on {where.name}")
+    report = bake_field(
+        described,
+        path,
+        where.alias,
+        resume=resume,
+        threads=threads,
+        progress=bake_report if progress else None,
+        time_progress=(lambda t: typer.echo(f"snapshot at {t:.3g} s", err=True)) if progress else None,
+    )
+    verdict = "converged" if report.convergence.converged else "not converged"
+    advice = f": {report.convergence.advice}" if report.convergence.advice else ""
+    typer.echo(f"{path}: {verdict} in {report.steps} steps, {report.seconds:.1f} s{advice}")
+
+
+@app.command()
+def tensor(
+    mesh: Annotated[Path, typer.Argument(help="A mesh file: closed, or open with a thickness.")],
+    thickness: Annotated[float | None, typer.Option(help="Of an open sheet, m.")] = None,
+    density: Annotated[float | None, typer.Option(help="Of the material, kg/m^3: adds shares of mass and inertia.")] = None,
+    fluid: Annotated[str, typer.Option(help="air, water, or a density in kg/m^3.")] = "air",
+    scale: Annotated[float, typer.Option(help="Multiplies the mesh's coordinates.")] = 1.0,
+    tolerance: Annotated[float, typer.Option(help="Relative error wanted.")] = 0.01,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    cache: Annotated[bool, typer.Option(help="Look it up on disk, and keep it there.")] = True,
+) -> None:
+    """Print the added mass (Kirchhoff tensor) of a mesh."""
+    import json as json_module
+
+    start_warp()
+    from warp_immersed.added_mass import kirchhoff_solution
+    from warp_immersed.fluid import PRESETS, Fluid
+    from warp_immersed.shape import Shape
+    from warp_immersed.tensor_report import tensor_dict, tensor_table
+
+    if fluid in PRESETS:
+        medium = PRESETS[fluid]
+    else:
+        try:
+            medium = Fluid(float(fluid), 1e-6)
+        except ValueError as error:
+            raise InputError(f"fluid: found {fluid!r}, must be air, water or a positive density [kg/m^3]") from error
+    with notes_printed():
+        shape = Shape.from_mesh(mesh, 1000.0 if density is None else density, thickness, scale=scale)
+        with patience("solving; a large mesh takes a while"):
+            solution = kirchhoff_solution(shape, medium, tolerance=tolerance, cache=cache)
+    if json:
+        typer.echo(json_module.dumps(tensor_dict(solution, shape, medium, mesh.name, density is not None), indent=1))
+    else:
+        typer.echo(tensor_table(solution, shape, medium, mesh.name, density is not None))
+
+
+@app.command()
+def chart(
+    name: Annotated[str, typer.Argument(help="field (needs a bake file), or turbulence-sources.")],
+    source: Annotated[Path | None, typer.Argument(help="What to draw, where the chart needs it.")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="A .png file. [default: NAME.png]")] = None,
+    at: Annotated[float | None, typer.Option("--time", help="Snapshot of a flow in time, s. [default: the last]")] = None,
+) -> None:
+    """Draw a figure (needs the extra: pip install warp-immersed[charts])."""
+    path = output or Path(f"{name}.png")
+    if name not in ("field", "turbulence-sources"):
+        raise InputError(f"chart: found {name!r}, must be field or turbulence-sources")
+    check_folder(path)
+    try:
+        if name == "field":
+            from warp_immersed.charts.field import chart_field
+
+            if source is None:
+                raise InputError("chart field: missing the bake file (.h5) to draw")
+            chart_field(source, path, at)
+        else:
+            from warp_immersed.charts.turbulence_sources import chart_sources
+
+            chart_sources(path)
+    except ModuleNotFoundError as error:
+        raise InputError(f"chart: needs {error.name}; pip install 'warp-immersed[charts]'") from error
+    typer.echo(str(path))
 
 
 @app.command()
@@ -140,14 +243,45 @@ def start_warp() -> None:
         os.close(saved)
 
 
+def bake_report(now: Any) -> None:
+    """Show how a solve stands, on one line of a terminal or now and then elsewhere."""
+    text = f"baking: step {now.step}, change {now.change:.1e} a flow-through, divergence {now.divergence:.1e}"
+    if sys.stderr.isatty():
+        print(f"\r{text}   ", end="", file=sys.stderr, flush=True)
+    elif now.step % 100 == 0:
+        print(text, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def notes_printed() -> Iterator[None]:
+    """Warnings as plain lines."""
+    import warnings
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        yield
+    for warning in caught:
+        typer.echo(f"note: {warning.message}", err=True)
+
+
 def check_output(path: Path, frames: int, bodies: int) -> None:
     """Refuse an output that cannot be written, before the work is done; makes its folder."""
     import shutil
-    import tempfile
 
     endings = (".usdc", ".usda", ".usd", ".h5")
     if path.suffix not in endings:
         raise InputError(f"output {str(path)!r}: found ending {path.suffix!r}, must be one of {', '.join(endings)}")
+    check_folder(path)
+    needed = frames * bodies * (250 if path.suffix == ".usda" else 54 if path.suffix == ".h5" else 45)
+    free = shutil.disk_usage(path.parent).free
+    if needed > free:
+        raise InputError(f"output {str(path)!r}: needs about {needed / 1e6:.0f} MB, the disk has {free / 1e6:.0f} MB left")
+
+
+def check_folder(path: Path) -> None:
+    """Refuse a file whose folder cannot be written to; makes the folder."""
+    import tempfile
+
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=path.parent):
@@ -156,10 +290,6 @@ def check_output(path: Path, frames: int, bodies: int) -> None:
         raise InputError(f"output {str(path)!r}: cannot be written ({error.strerror})") from error
     if path.is_dir():
         raise InputError(f"output {str(path)!r}: is a folder, must be a file")
-    needed = frames * bodies * (250 if path.suffix == ".usda" else 54 if path.suffix == ".h5" else 45)
-    free = shutil.disk_usage(path.parent).free
-    if needed > free:
-        raise InputError(f"output {str(path)!r}: needs about {needed / 1e6:.0f} MB, the disk has {free / 1e6:.0f} MB left")
 
 
 def open_sink(path: Path, prototypes: tuple[Any, ...], fps: float, manifest: dict[str, Any]) -> Any:

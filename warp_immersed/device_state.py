@@ -10,7 +10,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_immersed.body_model import BodyModel
-from warp_immersed.boundaries import Inlet, LogInlet
+from warp_immersed.boundaries import VON_KARMAN, Inlet, LogInlet
 from warp_immersed.emitters import Emission
 from warp_immersed.errors import InputError
 from warp_immersed.fluid import Fluid
@@ -182,6 +182,10 @@ def wind_steps_per_frame(frame_time: float, surroundings: Surroundings) -> int:
     """
     if isinstance(surroundings.flow, TurbulenceGrid):
         return grid_wind_steps(frame_time, surroundings.flow, surroundings.fluid)
+    if isinstance(surroundings.flow, LogInlet):
+        # one metre above the ground, where epsilon / k = 0.3 u* / (kappa y) and C0 is near its largest
+        rate = 0.75 * 6.5 * 0.3 * surroundings.flow.friction_velocity / VON_KARMAN
+        return int(np.clip(ceil(frame_time * WIND_STEPS_PER_TIME_SCALE * rate), 1, MOST_GRID_WIND_STEPS))
     turbulence = surroundings.turbulence
     time_scale = lagrangian_time_scale(turbulence, surroundings.fluid)
     if time_scale == 0.0 or isinf(time_scale):

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError,
 from warp_immersed.emitters import BoxEmitter, DiskEmitter, Emitter, NotNegative, Number, PointsEmitter, Vector
 from warp_immersed.errors import InputError
 from warp_immersed.fidelity import Fidelity
+from warp_immersed.field_scene import FieldTables
 from warp_immersed.fluid import PRESETS, Fluid
 from warp_immersed.shape_table import ShapeTable, near
 from warp_immersed.turbulence import STILL, HomogeneousTurbulence
@@ -51,6 +52,26 @@ class HomogeneousTable(Table):
     epsilon: NotNegative
 
 
+class GridTable(Table):
+    """A flow baked on a grid: a bake file (.h5), a field file (.toml) to bake, or the field itself. It brings its own wind."""
+
+    kind: Literal["grid"]
+    field: str | FieldTables
+
+
+class BoundaryLayerTable(Table):
+    """The neutral atmospheric surface layer over flat ground: a logarithmic wind with its turbulence, without a grid.
+
+    reference_speed [m/s] at reference_height [m] above the ground, roughness z0 [m], direction (horizontal).
+    """
+
+    kind: Literal["boundary_layer"]
+    reference_speed: Positive
+    reference_height: Positive
+    roughness: Positive
+    direction: Vector = (1.0, 0.0, 0.0)
+
+
 class GroundTable(Table):
     """A horizontal plane at height y [m]."""
 
@@ -73,6 +94,9 @@ class BodiesTable(Table):
     emitter: Emitter
 
 
+Turbulence = Annotated[NoTurbulence | HomogeneousTable | GridTable | BoundaryLayerTable, Field(discriminator="kind")]
+
+
 class Scene(Table):
     """What to simulate. Lengths in metres, times in seconds, y up.
 
@@ -86,7 +110,7 @@ class Scene(Table):
     fluid: Literal["air", "water"] | FluidTable = "air"
     gravity: Vector = (0.0, -9.81, 0.0)
     wind: WindTable | None = None
-    turbulence: Annotated[NoTurbulence | HomogeneousTable, Field(discriminator="kind")] | None = None
+    turbulence: Turbulence | None = None
     ground: GroundTable | None = None
     bodies: Annotated[tuple[BodiesTable, ...], Field(min_length=1)]
     _name: str = PrivateAttr("scene")
@@ -99,6 +123,8 @@ class Scene(Table):
         for name in names:
             if names.count(name) > 1:
                 raise ValueError(f"bodies: two kinds are called {name!r}; names must differ")
+        if self.wind is not None and isinstance(self.turbulence, (GridTable, BoundaryLayerTable)):
+            raise ValueError(f"wind: goes with uniform wind only; turbulence of kind {self.turbulence.kind!r} brings its own")
         if self.frame_count < 1:
             shortest = 1.0 / self.fps
             raise ValueError(f"duration: {self.duration} s at {self.fps} fps makes no frame; at least {shortest:.3g} s is needed")
@@ -219,7 +245,7 @@ def builtin_scenes() -> dict[str, Path]:
 def all_keys() -> list[str]:
     """Every key that some table of the scene file knows."""
     tables: list[type[BaseModel]] = [
-        Scene, FluidTable, WindTable, HomogeneousTable, GroundTable, BodiesTable, ShapeTable,
+        Scene, FluidTable, WindTable, HomogeneousTable, GridTable, BoundaryLayerTable, GroundTable, BodiesTable, ShapeTable,
         BoxEmitter, DiskEmitter, PointsEmitter,
     ]  # fmt: skip
     return sorted({key for table in tables for key in table.model_fields})
@@ -229,7 +255,7 @@ def first_error(error: ValidationError) -> str:
     """The most telling of pydantic's errors in one line: key, what was found, what would be right."""
     # a misspelt key also shows as a missing one; of a union's alternatives the one that got furthest was meant
     detail: Any = max(error.errors(), key=lambda e: (e["type"] == "extra_forbidden", len(e["loc"])))
-    tags = {"box", "disk", "points", "none", "homogeneous"}
+    tags = {"box", "disk", "points", "none", "homogeneous", "grid", "boundary_layer"}
     path = ""
     for part in detail["loc"]:
         if isinstance(part, int):
@@ -238,7 +264,8 @@ def first_error(error: ValidationError) -> str:
             path += f".{part}" if path else part
     message = detail["msg"].removeprefix("Value error, ").removeprefix("Input ")
     if detail["type"] == "extra_forbidden":
-        return f"{path}: unknown key{near(str(detail['loc'][-1]), all_keys())}"
+        key = str(detail["loc"][-1])
+        return f"{path}: unknown key" + (" in this table" if key in all_keys() else near(key, all_keys()))
     if detail["type"] == "missing":
         return f"{path}: missing"
     if detail["type"] == "union_tag_not_found":

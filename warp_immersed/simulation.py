@@ -22,8 +22,10 @@ from warp_immersed.emitters import emit, lowest_start
 from warp_immersed.ensemble import FAILED, Ensemble, Frame
 from warp_immersed.errors import InputError
 from warp_immersed.fidelity import Level, resolve
+from warp_immersed.k_epsilon import Progress
 from warp_immersed.recording import DATASETS, Prototype, Recording
 from warp_immersed.scene import BodiesTable, Scene
+from warp_immersed.scene_flow import scene_flow
 from warp_immersed.shape import Shape
 from warp_immersed.shape_table import make_shape
 from warp_immersed.version import __version__
@@ -77,8 +79,10 @@ class Outcome:
     interrupted: bool
 
 
-def plan(scene: Scene) -> Plan:
+def plan(scene: Scene, device: str = "cpu", baking: Callable[[Progress], None] | None = None) -> Plan:
     """Make the shapes of a scene and work out how its bodies move.
+
+    A field that has not been baked yet is baked on `device`; `baking` is called as that goes on.
 
     Raises:
         InputError: a mesh or size cannot be used, or bodies would start in the ground; the message starts with the key.
@@ -91,6 +95,7 @@ def plan(scene: Scene) -> Plan:
         mean_wind=scene.wind.velocity if scene.wind else (0.0, 0.0, 0.0),
         turbulence=scene.make_turbulence(),
         ground_height=ground,
+        flow=scene_flow(scene, device, baking),
     )
     kinds, notes = [], []
     for index, table in enumerate(scene.bodies):
@@ -266,8 +271,8 @@ def simulate(
         scene = Scene.load(scene)
     if seed is not None:
         scene = scene.changed(seed=seed)
-    planned = plan(scene)
     where = choose_device(device)
+    planned = plan(scene, where.alias)
     sink = MemorySink(scene.frame_count, scene.body_count)
     ensemble = ensemble_of(planned, where, threads)
     with progress_of(scene.frame_count, shown=progress) as report:

@@ -7,9 +7,11 @@ from math import sqrt
 
 import numpy as np
 
+from warp_immersed.boundaries import LogInlet
 from warp_immersed.device_state import Surroundings, wind_steps_per_frame
 from warp_immersed.simulation import Kind, Plan
 from warp_immersed.turbulence import lagrangian_time_scale
+from warp_immersed.turbulence_grid import TurbulenceGrid
 from warp_immersed.version import __version__
 
 
@@ -59,8 +61,16 @@ def describe_scene(plan: Plan) -> list[str]:
         f"fluid: {surroundings.fluid.density:g} kg/m^3, {surroundings.fluid.kinematic_viscosity:.3g} m^2/s; "
         f"mean wind {np.linalg.norm(surroundings.mean_wind):.3g} m/s",
     ]
-    turbulence = surroundings.turbulence
-    if turbulence.k > 0.0:
+    turbulence, flow = surroundings.turbulence, surroundings.flow
+    if isinstance(flow, TurbulenceGrid):
+        low, high = (" ".join(f"{x:g}" for x in corner) for corner in (flow.lower, flow.upper))
+        lines.append(
+            f"turbulence: grid of {' x '.join(map(str, flow.cells))} cells from ({low}) to ({high}) m, "
+            f"{wind_steps_per_frame(1.0 / scene.fps, surroundings)} wind updates a frame"
+        )
+    elif isinstance(flow, LogInlet):
+        lines.append(f"turbulence: boundary layer, friction velocity {flow.friction_velocity:.3g} m/s; no grid is needed")
+    elif turbulence.k > 0.0:
         lines.append(
             f"turbulence: homogeneous, {turbulence.velocity_rms:.3g} m/s rms, T_L "
             f"{lagrangian_time_scale(turbulence, surroundings.fluid):.3g} s, "
