@@ -1,6 +1,7 @@
 """Landing: a body that touches the ground topples onto the face of its hull below it, slides to a stop and rests.
 
-Up is y. A body's hull is a list of support points and a list of rest directions (the outward normals of the hull's
+The ground is a plane, y = height, or the surface of a mesh above it; under each body it counts as the plane through the
+point straight below. A body's hull is a list of support points and a list of rest directions (the outward normals of the hull's
 faces that lie below the centre of mass when it stands on them), both in body axes.
 """
 
@@ -16,10 +17,9 @@ REST_SPIN = wp.constant(5.0e-3)  # rad/s
 
 
 @wp.func
-def lowest_point(kind: Any, supports: wp.array(dtype=Any), orientation: Any):
-    """Height of the lowest support point above the centre of mass (negative) [m]."""
-    # the world's y axis in body axes
-    up = wp.quat_rotate_inv(orientation, unit_y(supports[0]))
+def lowest_point(kind: Any, supports: wp.array(dtype=Any), orientation: Any, normal: Any):
+    """Distance along the ground's normal from the centre of mass to the lowest support point (negative) [m]."""
+    up = wp.quat_rotate_inv(orientation, normal)
     lowest = wp.dot(up, supports[kind.first_support])
     for i in range(1, kind.support_count):
         lowest = wp.min(lowest, wp.dot(up, supports[kind.first_support + i]))
@@ -33,9 +33,8 @@ def unit_y(like: Any):
 
 
 @wp.func
-def toppling_vector(kind: Any, rests: wp.array(dtype=Any), orientation: Any):
-    """World rotation vector (horizontal) that brings the nearest rest direction straight down; zero if there is none."""
-    up = unit_y(rests[0])
+def toppling_vector(kind: Any, rests: wp.array(dtype=Any), orientation: Any, up: Any):
+    """World rotation vector that turns the nearest rest direction against the ground's normal; zero if there is none."""
     vector = up - up
     if kind.rest_count > 0:
         down = wp.quat_rotate_inv(orientation, -up)
@@ -46,11 +45,13 @@ def toppling_vector(kind: Any, rests: wp.array(dtype=Any), orientation: Any):
         direction = wp.quat_rotate(orientation, rests[kind.first_rest + best])
         axis = wp.cross(direction, -up)
         sine = wp.length(axis)
-        cosine = -direction[1]
+        cosine = -wp.dot(direction, up)
         if sine > type(sine)(1.0e-6):
             vector = axis * (wp.atan2(sine, cosine) / sine)
         elif cosine < type(sine)(0.0):
-            vector = type(up)(type(sine)(3.14159265), type(sine)(0.0), type(sine)(0.0))
+            # any axis across the normal will do
+            aside = type(up)(type(sine)(1.0), type(sine)(0.0), type(sine)(0.0))
+            vector = wp.normalize(aside - up * up[0]) * type(sine)(3.14159265)
     return vector
 
 
@@ -66,17 +67,16 @@ def turned(orientation: Any, vector: Any):
 
 
 @wp.func
-def topple(kind: Any, rests: wp.array(dtype=Any), orientation: Any, spin: Any, time: Any):
+def topple(kind: Any, rests: wp.array(dtype=Any), orientation: Any, spin: Any, up: Any, time: Any):
     """Turn a body that lies on the ground towards its rest for a time [s].
 
     Critically damped, in closed form: with e the rotation still to go, e'' + 2 s e' + s^2 e = 0, s the settling rate.
-    spin: world angular velocity [rad/s]; its vertical part dies out at the same rate. Returns the new orientation,
+    spin: world angular velocity [rad/s]; its part about the normal `up` dies out at the same rate. Returns the new orientation,
     the new spin, and whether the body has come to rest.
     """
     rate = kind.settling_rate
-    up = unit_y(spin)
-    yaw = up * spin[1]
-    to_go = toppling_vector(kind, rests, orientation)
+    yaw = up * wp.dot(spin, up)
+    to_go = toppling_vector(kind, rests, orientation, up)
     speed = yaw - spin  # d(to_go)/dt
     # a spin faster than this would swing the body through the ground and back: the impact takes the rest
     limit = rate * type(rate)(2.0)
@@ -91,7 +91,7 @@ def topple(kind: Any, rests: wp.array(dtype=Any), orientation: Any, spin: Any, t
     at_rest = (
         wp.length(left) < type(rate)(REST_ANGLE)
         and wp.length(left_speed) < type(rate)(REST_SPIN)
-        and wp.abs(yaw[1]) * fade < type(rate)(REST_SPIN)
+        and wp.length(yaw) * fade < type(rate)(REST_SPIN)
     )
     if at_rest:
         turn += left
@@ -101,11 +101,47 @@ def topple(kind: Any, rests: wp.array(dtype=Any), orientation: Any, spin: Any, t
 
 
 @wp.func
-def slide(kind: Any, velocity: Any, time: Any):
-    """Horizontal velocity after Coulomb friction has acted for a time [s], and the distance slid (vec3)."""
-    flat = type(velocity)(velocity[0], velocity.dtype(0.0), velocity[2])
+def slide(kind: Any, velocity: Any, up: Any, time: Any):
+    """Velocity along the ground after Coulomb friction has acted for a time [s], and the distance slid (vec3)."""
+    flat = velocity - up * wp.dot(velocity, up)
     speed = wp.length(flat)
     sliding = wp.min(time, speed / kind.friction)
     left = speed - kind.friction * sliding
     direction = flat / wp.max(speed, velocity.dtype(1.0e-12))
     return direction * left, direction * ((speed + left) * sliding * velocity.dtype(0.5))
+
+
+@wp.kernel
+def find_ground(
+    first: wp.int32,
+    environments: wp.array(dtype=Any),
+    mesh: wp.uint64,
+    position: wp.array(dtype=Any),
+    normal_out: wp.array(dtype=Any),
+    offset_out: wp.array(dtype=Any),
+):
+    """The ground under bodies first, first + 1, ... as a plane each: unit normal, and its offset (normal . point on it) [m].
+
+    The surface of the mesh straight below, where it is higher than the plane y = height. Its own launch: a ray query inside
+    the frame kernel would cost all bodies half as much again.
+    """
+    i = first + wp.tid()
+    environment = environments[0]
+    x = position[i]
+    normal = unit_y(x)
+    offset = environment.ground_height
+    start = wp.vec3(wp.float32(x[0]), wp.float32(x[1]), wp.float32(x[2]))
+    hit = wp.mesh_query_ray(mesh, start, wp.vec3(0.0, -1.0, 0.0), 1.0e6)
+    depth = x.dtype(hit.t)
+    if hit.result and (x[1] - depth > offset or environment.has_ground == 0):
+        upward = hit.normal
+        if upward[1] < 0.0:
+            upward = -upward
+        # a wall is no place to lie: nearly upright faces count as level
+        if upward[1] > 0.2:
+            normal = type(x)(x.dtype(upward[0]), x.dtype(upward[1]), x.dtype(upward[2]))
+        offset = wp.dot(normal, x) - normal[1] * depth
+    elif environment.has_ground == 0:
+        offset = x.dtype(-1.0e30)
+    normal_out[i] = normal
+    offset_out[i] = offset

@@ -5,7 +5,7 @@ from typing import Any
 import warp as wp
 
 from warp_immersed.kernels.aerodynamics import fastest_rate, quasi_steady_load
-from warp_immersed.kernels.ground import lowest_point, slide, topple
+from warp_immersed.kernels.ground import lowest_point, slide, topple, unit_y
 from warp_immersed.kernels.langevin import next_air, released_air
 from warp_immersed.kernels.rigid_body import (
     buoyant_load,
@@ -126,6 +126,8 @@ def advance_quasi_steady(
     kind_index: wp.array(dtype=wp.int32),
     release_frame: wp.array(dtype=wp.int32),
     release_fraction: wp.array(dtype=Any),
+    ground_normal: wp.array(dtype=Any),
+    ground_offset: wp.array(dtype=Any),
     state: wp.array(dtype=wp.uint8),
     position: wp.array(dtype=Any),
     position_residual: wp.array(dtype=Any),
@@ -170,6 +172,11 @@ def advance_quasi_steady(
     wind_step = environment.wind_step
     zero = wind_step - wind_step
     frame_time = wp.float32(wind_step) * wp.float32(environment.wind_steps)
+    normal = unit_y(x)
+    offset = environment.ground_height
+    if environment.has_ground_mesh != 0:
+        normal = ground_normal[i]
+        offset = ground_offset[i]
     # part of the frame that lies before the body's release
     idle = zero
     if status == WAITING and release_frame[i] <= frame:
@@ -213,13 +220,14 @@ def advance_quasi_steady(
                         status = FAILED
                         left = zero
                     touched = wp.int32(0)
-                    if environment.has_ground != 0:
-                        height = (x[1] - environment.ground_height) + displacement[1] + moved[1]
+                    if environment.has_ground + environment.has_ground_mesh > 0:
+                        sinking = wp.dot(normal, moved)
+                        height = (wp.dot(normal, x) - offset) + wp.dot(normal, displacement) + sinking
                         if height < kind.bounding_radius:
-                            below = height + lowest_point(kind, supports, q_next)
+                            below = height + lowest_point(kind, supports, q_next, normal)
                             if below < zero:
                                 touched = 1
-                                above = height - moved[1] + lowest_point(kind, supports, q)
+                                above = height - sinking + lowest_point(kind, supports, q, normal)
                                 part = wp.clamp(above / wp.max(above - below, type(h)(1.0e-12)), zero, type(h)(1.0))
                                 moved = moved * part
                                 q_next = wp.normalize(q + (q_next - q) * part)
@@ -240,11 +248,9 @@ def advance_quasi_steady(
                         elif status == MOVING:
                             # a buoyant body is pushed down onto the ground: it keeps off it
                             p = type(p)(p[0], wp.max(p[1], zero), p[2])
-                            displacement = type(p)(
-                                displacement[0],
-                                environment.ground_height - x[1] - lowest_point(kind, supports, q),
-                                displacement[2],
-                            )
+                            gap = (wp.dot(normal, x) - offset) + wp.dot(normal, displacement)
+                            gap += lowest_point(kind, supports, q, normal)
+                            displacement += type(p)(zero, -gap / normal[1], zero)
                             p, l = momenta(kind, wp.quat_rotate_inv(q, p - air_now), wp.quat_rotate_inv(q, l))
             air = air_next
     elif status == SETTLING:
@@ -255,14 +261,12 @@ def advance_quasi_steady(
         q = orientation[i]
         displacement = x - x
     if status == SETTLING and settling_time > zero:
-        q, l, at_rest = topple(kind, rests, q, l, settling_time)
-        p, slid = slide(kind, p, settling_time)
+        q, l, at_rest = topple(kind, rests, q, l, normal, settling_time)
+        p, slid = slide(kind, p, normal, settling_time)
         displacement += slid
-        displacement = type(p)(
-            displacement[0],
-            environment.ground_height - x[1] - residual[1] - lowest_point(kind, supports, q),
-            displacement[2],
-        )
+        gap = (wp.dot(normal, x) - offset) + wp.dot(normal, displacement + residual)
+        gap += lowest_point(kind, supports, q, normal)
+        displacement += type(p)(zero, -gap / normal[1], zero)
         if at_rest and wp.length(p) <= zero:
             status = LANDED
 

@@ -74,6 +74,7 @@ def _structs(real):
         wind_sigma: real  # (2 k / 3)^(1/2) [m/s]
         viscosity: real  # kinematic [m^2/s]
         has_ground: wp.int32
+        has_ground_mesh: wp.int32
         ground_height: real  # [m]
         seed: wp.uint32
 

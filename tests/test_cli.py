@@ -193,3 +193,67 @@ def test_ctrl_c_keeps_the_frames_there_are(scene, tmp_path) -> None:
     assert stage.GetEndTimeCode() == len(samples)
     assert f"first {len(samples)} of 48000 frames" in out
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.usdc", "coins.toml"]
+
+
+FIELD = """
+[domain]
+lower = [-4.0, 0.0, -3.0]
+upper = [8.0, 6.0, 3.0]
+cells = [24, 12, 12]
+[boundary]
+x_min = { kind = "inlet", velocity = [1, 0, 0], intensity = 0.1, length_scale = 0.5 }
+x_max = { kind = "outlet" }
+y_min = { kind = "wall" }
+y_max = { kind = "slip" }
+[[obstacle]]
+box = [[-1, 0, -1], [1, 2, 1]]
+"""
+
+
+def test_bake_chart_and_run_in_the_field(scene, tmp_path) -> None:
+    (tmp_path / "block.toml").write_text(FIELD)
+    result = run("bake", "block.toml", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "24 x 12 x 12 cells" in result.stdout
+    assert "block.h5: converged in" in result.stdout
+    result = run("chart", "field", "block.h5", "-o", "block.png", cwd=tmp_path)
+    if "pip install" not in result.stderr:
+        assert result.returncode == 0, result.stderr
+        assert (tmp_path / "block.png").read_bytes().startswith(b"\x89PNG")
+    scene.write_text(SMALL + '[turbulence]\nkind = "grid"\nfield = "block.h5"\n')
+    result = run("run", "coins.toml", "-o", "a.h5", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert Recording.load(tmp_path / "a.h5").velocities[-1, :, 0].mean() > 0.05
+
+
+def test_tensor_prints_a_table_or_json(tmp_path) -> None:
+    import json
+
+    import trimesh
+
+    trimesh.creation.icosphere(2, 0.05).export(tmp_path / "ball.stl")
+    result = run("tensor", "ball.stl", "--fluid", "water", "--density", "500", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    for word in ("translation [kg]", "rotation [kg m^2]", "estimated error", "of the mass"):
+        assert word in result.stdout
+    result = run("tensor", "ball.stl", "--fluid", "1000", "--json", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    tensor = json.loads(result.stdout)["tensor"]
+    volume = trimesh.creation.icosphere(2, 0.05).volume
+    assert tensor[0][0] == pytest.approx(0.5 * 1000.0 * volume, rel=0.02)
+
+
+MORE_BAD_COMMANDS = [
+    (["tensor", "none.stl"], ["none.stl", "no such file"]),
+    (["tensor", "coins.toml", "--fluid", "honey"], ["fluid: found 'honey'"]),
+    (["bake", "none.toml"], ["none.toml", "cannot be read"]),
+    (["bake", "coins.toml"], ["coins.toml"]),
+    (["chart", "pie"], ["'pie'", "field"]),
+    (["chart", "field"], ["missing the bake file"]),
+]
+
+
+@pytest.mark.parametrize(("arguments", "words"), MORE_BAD_COMMANDS, ids=[" ".join(a) for a, _ in MORE_BAD_COMMANDS])
+def test_other_bad_commands_are_refused_in_one_line(scene, tmp_path, arguments, words) -> None:
+    assert_refused(run(*arguments, cwd=tmp_path), *words)
+    assert [p.name for p in tmp_path.iterdir()] == ["coins.toml"]

@@ -126,3 +126,39 @@ def test_a_box_topples_onto_a_face() -> None:
     assert (run["state"][-1] == LANDED).all()
     height = run["positions"][-1, :, 1] - GROUND
     assert np.isclose(height[:, None], [0.05, 0.1, 0.15], atol=1e-5).any(axis=1).all()
+
+
+def test_bodies_land_on_a_roof_and_beside_it() -> None:
+    import trimesh
+
+    roof = trimesh.creation.box(bounds=[[-1.0, 0.0, -1.0], [0.0, 2.0, 1.0]])
+    shape = library.disk()
+    x = np.linspace(-0.95, 0.95, 40)
+    place = np.column_stack([x, np.full(40, 3.0), np.zeros(40)])
+    start = started(positions=place, orientations=random_orientations(40, 11), count=40)
+    world = Surroundings(AIR, ground_height=GROUND, ground_mesh=roof)
+    run = trajectory(model_in(shape, AIR), start, world, 24.0, 240)
+    assert (run["state"][-1] == LANDED).all()
+    end = run["positions"][-1]
+    on_roof = (end[:, 0] < 0.0) & (np.abs(end[:, 2]) < 1.0) & (end[:, 0] > -1.0)
+    assert 5 < on_roof.sum() < 35
+    clear = np.abs(end[:, 0]) > shape.bounding_radius
+    half = shape.thickness / 2.0
+    assert np.allclose(end[on_roof & clear, 1], 2.0 + half, atol=1e-5)
+    assert np.allclose(end[~on_roof & clear, 1], GROUND + half, atol=1e-5)
+
+
+def test_bodies_lie_along_a_slope() -> None:
+    import trimesh
+
+    slope = np.radians(20.0)
+    hill = trimesh.creation.box(bounds=[[-30.0, -1.0, -30.0], [30.0, 0.0, 30.0]])
+    hill.apply_transform(trimesh.transformations.rotation_matrix(slope, [0.0, 0.0, 1.0]))
+    shape = library.rectangular_paper()
+    start = started(positions=(0.0, 1.0, 0.0), orientations=random_orientations(30, 12), count=30)
+    run = trajectory(model_in(shape, AIR), start, Surroundings(AIR, ground_mesh=hill), 24.0, 120)
+    assert (run["state"][-1] == LANDED).all()
+    up = np.array([-np.sin(slope), np.cos(slope), 0.0])
+    normals = rotate(run["orientations"][-1].astype(float), np.tile([0.0, 0.0, 1.0], (30, 1)))
+    assert np.allclose(np.abs(normals @ up), 1.0, atol=1e-6)
+    assert np.allclose(run["positions"][-1] @ up, shape.thickness / 2.0, atol=1e-5)

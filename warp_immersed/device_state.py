@@ -6,6 +6,7 @@ from math import ceil, exp, isinf
 from typing import Any, Literal
 
 import numpy as np
+import trimesh
 import warp as wp
 from numpy.typing import NDArray
 
@@ -42,8 +43,12 @@ class Group:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What the bodies move in: fluid; gravity (3,) [m/s^2]; ground_height y [m] or None; and either a uniform mean_wind (3,)
-    [m/s] with homogeneous turbulence, or a flow that varies in space (a baked grid, or a logarithmic wind)."""
+    """What the bodies move in.
+
+    fluid; gravity (3,) [m/s^2]; either a uniform mean_wind (3,) [m/s] with homogeneous turbulence, or a flow that varies in
+    space (a baked grid, or a logarithmic wind); and the ground, if any: the plane y = ground_height [m], and a mesh [m]
+    where that lies above it.
+    """
 
     fluid: Fluid
     gravity: tuple[float, float, float] = (0.0, -9.81, 0.0)
@@ -51,13 +56,14 @@ class Surroundings:
     turbulence: HomogeneousTurbulence = STILL
     ground_height: float | None = None
     flow: TurbulenceGrid | LogInlet | None = None
+    ground_mesh: trimesh.Trimesh | None = None
 
 
 @dataclass(frozen=True)
 class DeviceState:
     """Arguments of the frame kernel, in its order.
 
-    constants: kinds, environment, flow, supports, rests, clock; schedule and evolving: one entry a body; outputs: two sets of
+    constants: kinds, environment, flow, supports, rests, clock; schedule (when each body is released, and its ground) and evolving: one entry a body; outputs: two sets of
     arrays by the kernel's argument names.
     """
 
@@ -66,6 +72,7 @@ class DeviceState:
     evolving: list[wp.array]
     outputs: tuple[dict[str, wp.array], dict[str, wp.array]]
     clock: wp.array
+    ground_mesh: wp.Mesh | None
 
     @property
     def bytes_per_body(self) -> int:
@@ -101,6 +108,10 @@ def allocate(
         return wp.zeros(bodies, dtype=dtype, device=device)
 
     clock = array([0], wp.int32)
+    ground_mesh = None
+    if surroundings.ground_mesh is not None:
+        points = array(np.asarray(surroundings.ground_mesh.vertices, dtype=np.float32), wp.vec3)
+        ground_mesh = wp.Mesh(points, array(np.asarray(surroundings.ground_mesh.faces, dtype=np.int32).ravel(), wp.int32))
     environment = filled(environment_struct, environment_values(surroundings, 1.0 / fps, seed))
     outputs = tuple(
         {
@@ -126,6 +137,9 @@ def allocate(
             array(np.repeat(np.arange(len(groups)), counts), wp.int32),
             array(release_frame, wp.int32),
             array(release_fraction, scalar),
+            # each body's ground plane, where the ground is a mesh
+            wp.zeros(bodies if ground_mesh else 1, dtype=vec3, device=device),
+            wp.zeros(bodies if ground_mesh else 1, dtype=scalar, device=device),
         ],
         evolving=[
             wp.full(bodies, WAITING, dtype=wp.uint8, device=device),
@@ -139,6 +153,7 @@ def allocate(
         ],
         outputs=(outputs[0], outputs[1]),
         clock=clock,
+        ground_mesh=ground_mesh,
     )
 
 
@@ -169,6 +184,7 @@ def environment_values(surroundings: Surroundings, frame_time: float, seed: int)
         "wind_sigma": sigma,
         "viscosity": surroundings.fluid.kinematic_viscosity,
         "has_ground": int(surroundings.ground_height is not None),
+        "has_ground_mesh": int(surroundings.ground_mesh is not None),
         "ground_height": surroundings.ground_height or 0.0,
         "seed": seed,
     }

@@ -12,7 +12,7 @@ from warp_immersed.device_state import Group, Precision, Surroundings, allocate
 from warp_immersed.emitters import Emission
 from warp_immersed.errors import InputError
 from warp_immersed.frame_stepper import CpuStepper, CudaStepper, Outputs, available_threads
-from warp_immersed.kernels import integrate
+from warp_immersed.kernels import ground, integrate
 
 WAITING, MOVING, LANDED, FAILED = integrate.WAITING, integrate.MOVING, integrate.LANDED, integrate.FAILED
 
@@ -114,16 +114,31 @@ class Ensemble:
         """Let the device's threads or queues go."""
         self._stepper.close()
 
-    def _launch(self, first: int, count: int, outputs: Outputs, record: bool) -> Any:
+    def _launch(self, first: int, count: int, outputs: Outputs, record: bool) -> list[Any]:
         state = self._state
-        return wp.launch(
-            integrate.advance_quasi_steady,
-            dim=count,
-            inputs=[first, *state.constants, *state.schedule, *state.evolving],
-            outputs=list(outputs.values()),
-            device=self._device,
-            record_cmd=record,
+        launches = []
+        if state.ground_mesh is not None:
+            launches.append(
+                wp.launch(
+                    ground.find_ground,
+                    dim=count,
+                    inputs=[first, state.constants[1], wp.uint64(state.ground_mesh.id), state.evolving[1]],
+                    outputs=state.schedule[-2:],
+                    device=self._device,
+                    record_cmd=record,
+                )
+            )
+        launches.append(
+            wp.launch(
+                integrate.advance_quasi_steady,
+                dim=count,
+                inputs=[first, *state.constants, *state.schedule, *state.evolving],
+                outputs=list(outputs.values()),
+                device=self._device,
+                record_cmd=record,
+            )
         )
+        return launches
 
     def _initial_frame(self) -> Frame:
         start, real = self._initial, self._real

@@ -17,8 +17,8 @@ SMALLEST_SLICE = 64
 SLICES_PER_THREAD = 4
 
 Outputs = Mapping[str, wp.array]
-# Launches (or records) the frame kernel for bodies first ... first + count - 1 into one set of outputs.
-LaunchFrame = Callable[[int, int, Outputs, bool], Any]
+# Launches (or records) the frame kernels for bodies first ... first + count - 1 into one set of outputs.
+LaunchFrame = Callable[[int, int, Outputs, bool], list[Any]]
 
 
 def available_threads() -> int:
@@ -26,6 +26,12 @@ def available_threads() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def run_all(launches: list[Any]) -> None:
+    """Run recorded launches one after the other."""
+    for launch in launches:
+        launch.launch()
 
 
 class CpuStepper:
@@ -46,7 +52,7 @@ class CpuStepper:
         """Begin to compute frame number `frame`, once the one before it is complete."""
         self._finish()
         self._clock[0] = frame - 1
-        self._running = [self._pool.submit(launch.launch) for launch in self._launches[frame % 2]]
+        self._running = [self._pool.submit(run_all, launches) for launches in self._launches[frame % 2]]
         self._frame = frame
 
     def wait(self, frame: int) -> Outputs:

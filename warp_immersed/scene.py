@@ -73,9 +73,11 @@ class BoundaryLayerTable(Table):
 
 
 class GroundTable(Table):
-    """A horizontal plane at height y [m]."""
+    """A horizontal plane at height y [m], and what stands on it: a mesh file, or the obstacles of the scene's field."""
 
     height: Number = 0.0
+    mesh: str | None = None
+    obstacles: bool = False
 
 
 class BodiesTable(Table):

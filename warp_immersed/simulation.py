@@ -25,7 +25,7 @@ from warp_immersed.fidelity import Level, resolve
 from warp_immersed.k_epsilon import Progress
 from warp_immersed.recording import DATASETS, Prototype, Recording
 from warp_immersed.scene import BodiesTable, Scene
-from warp_immersed.scene_flow import scene_flow
+from warp_immersed.scene_flow import scene_flow, scene_ground_mesh
 from warp_immersed.shape import Shape
 from warp_immersed.shape_table import make_shape
 from warp_immersed.version import __version__
@@ -96,6 +96,7 @@ def plan(scene: Scene, device: str = "cpu", baking: Callable[[Progress], None] |
         turbulence=scene.make_turbulence(),
         ground_height=ground,
         flow=scene_flow(scene, device, baking),
+        ground_mesh=scene_ground_mesh(scene),
     )
     kinds, notes = [], []
     for index, table in enumerate(scene.bodies):

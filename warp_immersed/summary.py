@@ -78,7 +78,9 @@ def describe_scene(plan: Plan) -> list[str]:
         )
     else:
         lines.append("turbulence: none")
-    lines.append("ground: none" if surroundings.ground_height is None else f"ground: y = {surroundings.ground_height:g} m")
+    standing = "" if surroundings.ground_mesh is None else f" and a mesh of {len(surroundings.ground_mesh.faces)} faces"
+    height = surroundings.ground_height
+    lines.append("ground: none" if height is None else f"ground: y = {height:g} m{standing}")
     for kind in plan.kinds:
         added = np.diag(kind.model.inertia) * kind.shape.mass - np.array([kind.shape.mass] * 3 + list(kind.shape.inertia))
         lines += [
