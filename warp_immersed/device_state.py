@@ -63,8 +63,8 @@ class Surroundings:
 class DeviceState:
     """Arguments of the frame kernel, in its order.
 
-    constants: kinds, environment, flow, supports, rests, clock; schedule (when each body is released, and its ground) and evolving: one entry a body; outputs: two sets of
-    arrays by the kernel's argument names.
+    constants: kinds, environment, flow, supports, rests, clock; schedule (when each body is released, and its ground) and
+    evolving: one entry a body; outputs: two sets of arrays by the kernel's argument names.
     """
 
     constants: list[Any]
