@@ -78,7 +78,8 @@ class DeviceState:
     def bytes_per_body(self) -> int:
         """Device memory a body takes, both sets of outputs included."""
         arrays = [*self.schedule, *self.evolving, *self.outputs[0].values(), *self.outputs[1].values()]
-        return sum(wp.types.type_size_in_bytes(array.dtype) for array in arrays)
+        bodies = self.evolving[0].size
+        return sum(wp.types.type_size_in_bytes(array.dtype) for array in arrays if array.size == bodies)
 
 
 def allocate(
