@@ -14,8 +14,8 @@ import warp as wp
 
 wp.set_module_options({"enable_backward": False})
 
-# Guards the division by the speed: all loads vanish with it.
-SMALLEST_SPEED = wp.constant(1.0e-9)
+# Guards divisions by the square of the speed: all loads vanish with it.
+SMALLEST_SQUARE = wp.constant(1.0e-30)
 
 
 @wp.func
@@ -25,9 +25,9 @@ def quasi_steady_load(kind: Any, velocity: Any, angular_velocity: Any, lift: Any
     local = velocity + wp.cross(angular_velocity, kind.pressure_center)
     square = wp.cw_mul(local, local)
     speed_squared = square[0] + square[1] + square[2]
+    # the square root and the division do not wait for each other
     speed = wp.sqrt(speed_squared)
-    inverse_speed = type(speed)(1.0) / wp.max(speed, type(speed)(SMALLEST_SPEED))
-    inverse_squared = inverse_speed * inverse_speed
+    inverse_squared = type(speed)(1.0) / wp.max(speed_squared, type(speed)(SMALLEST_SQUARE))
 
     root = wp.sqrt(speed)
     drag_x = kind.drag_root[0] * root + kind.drag_quadratic[0] * speed
@@ -37,10 +37,10 @@ def quasi_steady_load(kind: Any, velocity: Any, angular_velocity: Any, lift: Any
 
     # the quasi-steady lift: translational, normal to the velocity in the plane of velocity and normal, and rotational
     normal = local[2]
-    cubed = speed_squared * speed
-    attached = cubed / wp.max(cubed + kind.lift_onset_cubed, type(speed)(1.0e-30))
-    strength = attached * kind.lift * normal * inverse_speed
-    target = wp.cross(wp.cw_mul(kind.circulation, angular_velocity), local) * attached + type(local)(
+    # V^3 / (V^3 + onset^3), over V
+    onset = speed_squared / wp.max(speed_squared * speed + kind.lift_onset_cubed, type(speed)(SMALLEST_SQUARE))
+    strength = onset * kind.lift * normal
+    target = wp.cross(wp.cw_mul(kind.circulation, angular_velocity), local) * (onset * speed) + type(local)(
         strength * normal * local[0], strength * normal * local[1], -strength * (square[0] + square[1])
     )
     follow = kind.lift_lag * speed
@@ -54,7 +54,8 @@ def quasi_steady_load(kind: Any, velocity: Any, angular_velocity: Any, lift: Any
     force = acting - drag * local - wp.cw_mul(kind.drag_linear, local)
     spin = wp.length(angular_velocity)
     damping = kind.damping_linear + speed * kind.damping_speed + spin * kind.damping_spin
-    roll = kind.damping_roll * (angular_velocity[0] * local[0] + angular_velocity[1] * local[1]) * inverse_speed
+    roll = kind.damping_roll * (angular_velocity[0] * local[0] + angular_velocity[1] * local[1])
+    roll *= speed * inverse_squared
     cut = kind.munk_cut_edge + kind.munk_cut_swing * square[2] * inverse_squared
     torque = (
         wp.cross(kind.pressure_center, force)
