@@ -1,6 +1,7 @@
 """`bake`: solve the flow that a FIELD.toml describes and write it as a `TurbulenceGrid` file."""
 
 import hashlib
+import logging
 import os
 import time
 from collections.abc import Callable
@@ -18,10 +19,12 @@ from warp_immersed.k_epsilon import BYTES_PER_CELL, Convergence, KEpsilonSolver,
 from warp_immersed.turbulence_grid import TurbulenceGrid
 from warp_immersed.unsteady import UnsteadySolver
 
+logger = logging.getLogger(__name__)
+
 CHECKPOINT_SECONDS = 20.0
 BYTES_PER_SNAPSHOT = 20  # velocity, k, epsilon of a cell
-CELL_STEPS_PER_SECOND = 1.0e6  # of one CPU core, for the estimate shown before a bake
-TYPICAL_STEPS = 400
+CELL_STEPS_PER_SECOND = 6.0e5  # of one CPU core, for the estimate shown before a bake
+TYPICAL_STEPS = 800
 
 
 @dataclass(frozen=True)
@@ -158,6 +161,10 @@ def cached_bake(
     digest = setup_digest(scene.setup(device), scene.text)
     path = Path(folder) / f"field-{digest[:24]}.h5"
     if not path.is_file():
+        expected = plan_bake(scene, device, threads)
+        took = "" if expected.seconds is None else f", about {expected.seconds:.0f} s"
+        cells = " x ".join(map(str, expected.cells))
+        logger.info("baking %s, once: %s cells, %.0f MB%s", scene.name, cells, expected.memory / 1e6, took)
         path.parent.mkdir(parents=True, exist_ok=True)
         bake(scene, path, device, resume=True, threads=threads, progress=progress, time_progress=time_progress)
     return path

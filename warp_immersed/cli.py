@@ -207,7 +207,8 @@ def info(scene: Annotated[str | None, typer.Argument(help="A scene file or built
         from warp_immersed.scene import Scene
         from warp_immersed.simulation import plan
 
-        lines = describe_scene(plan(Scene.load(scene)))
+        with patience("working out the added mass of new shapes, once"):
+            lines = describe_scene(plan(Scene.load(scene), baking=bake_report))
     for line in lines:
         typer.echo(line)
 
@@ -225,11 +226,14 @@ def patience(reason: str) -> Iterator[None]:
 
 
 def start_warp() -> None:
-    """Initialise Warp without its chatter."""
+    """Initialise Warp without its chatter, and let the library say what it is at."""
+    import logging
     import os
 
     import warp as wp
 
+    logging.basicConfig(format="%(message)s", stream=sys.stderr)
+    logging.getLogger("warp_immersed").setLevel(logging.INFO)
     wp.config.log_level = wp.LOG_ERROR
     # Without a GPU driver Warp warns from native code, straight to standard error.
     sys.stderr.flush()
