@@ -12,8 +12,9 @@ import warp as wp
 
 from warp_immersed.kernels.integrate import advance_clock
 
-# Bodies a slice holds at least; slices a thread gets on average, so that uneven work evens out.
-SMALLEST_SLICE = 64
+# Bodies a slice holds at least, for a launch costs as much Python as some 50 of them cost device code; slices a thread gets on
+# average, so that uneven work evens out.
+SMALLEST_SLICE = 256
 SLICES_PER_THREAD = 4
 
 Outputs = Mapping[str, wp.array]
@@ -38,7 +39,8 @@ class CpuStepper:
     """Steps frames on the CPU; a Warp launch runs on the thread that calls it, without Python's lock."""
 
     def __init__(self, bodies: int, threads: int, clock: wp.array, outputs: tuple[Outputs, Outputs], launch: LaunchFrame):
-        size = max(SMALLEST_SLICE, -(-bodies // (threads * SLICES_PER_THREAD)))
+        slices = 1 if threads == 1 else threads * SLICES_PER_THREAD
+        size = max(SMALLEST_SLICE, -(-bodies // slices))
         starts = range(0, bodies, size)
         # Recording loads the kernels, here and serially: first loads must not race.
         self._launches = [[launch(first, min(size, bodies - first), out, True) for first in starts] for out in outputs]
