@@ -24,9 +24,7 @@ def capytaine_tensor(vertices: Array, faces: Array) -> Array:
     import capytaine as cpt
 
     mesh = cpt.Mesh(vertices=vertices, faces=np.column_stack([faces, faces[:, :1]]))
-    body = cpt.FloatingBody(mesh=mesh)
-    body.rotation_center = np.zeros(3)
-    body.add_all_rigid_body_dofs()
+    body = cpt.FloatingBody(mesh=mesh, dofs=cpt.rigid_body_dofs(rotation_center=np.zeros(3)))
     solver = cpt.BEMSolver(method="direct")
     matrix = np.zeros((6, 6))
     for j, dof in enumerate(body.dofs):
