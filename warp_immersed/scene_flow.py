@@ -2,23 +2,25 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
 
-from warp_immersed.bake import cached_bake
 from warp_immersed.boundaries import LogInlet
 from warp_immersed.errors import InputError
 from warp_immersed.field_scene import FieldScene, FieldTables
-from warp_immersed.k_epsilon import Progress
 from warp_immersed.scene import BoundaryLayerTable, GridTable, Scene
 from warp_immersed.shape import load_mesh
 from warp_immersed.tensor_cache import cache_directory
 from warp_immersed.turbulence_grid import TurbulenceGrid
 
+if TYPE_CHECKING:
+    from warp_immersed.k_epsilon import Progress
+
 
 def scene_flow(
-    scene: Scene, device: str = "cpu", progress: Callable[[Progress], None] | None = None
+    scene: Scene, device: str = "cpu", progress: "Callable[[Progress], None] | None" = None
 ) -> TurbulenceGrid | LogInlet | None:
     """The flow of a scene, or None where its wind is uniform. A field is baked once and kept in the user's cache by content.
 
@@ -38,11 +40,13 @@ def scene_flow(
     return None
 
 
-def bake_file(scene: Scene, field: str | FieldTables, device: str, progress: Callable[[Progress], None] | None) -> Path:
+def bake_file(scene: Scene, field: str | FieldTables, device: str, progress: "Callable[[Progress], None] | None") -> Path:
     """The bake file that a `field` key stands for, made if need be."""
     described = described_field(scene, field)
     if described is None:
         return scene.folder / Path(str(field)).expanduser()
+    from warp_immersed.bake import cached_bake  # the solver is slow to import, and few scenes need it
+
     return cached_bake(described, cache_directory() / "fields", device, progress=progress)
 
 

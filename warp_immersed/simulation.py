@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import warp as wp
@@ -22,13 +22,15 @@ from warp_immersed.emitters import emit, lowest_start
 from warp_immersed.ensemble import FAILED, Ensemble, Frame
 from warp_immersed.errors import InputError
 from warp_immersed.fidelity import Level, resolve
-from warp_immersed.k_epsilon import Progress
 from warp_immersed.recording import DATASETS, Prototype, Recording
 from warp_immersed.scene import BodiesTable, Scene
 from warp_immersed.scene_flow import scene_flow, scene_ground_mesh
 from warp_immersed.shape import Shape
 from warp_immersed.shape_table import make_shape
 from warp_immersed.version import __version__
+
+if TYPE_CHECKING:
+    from warp_immersed.k_epsilon import Progress
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ class Outcome:
     interrupted: bool
 
 
-def plan(scene: Scene, device: str = "cpu", baking: Callable[[Progress], None] | None = None) -> Plan:
+def plan(scene: Scene, device: str = "cpu", baking: "Callable[[Progress], None] | None" = None) -> Plan:
     """Make the shapes of a scene and work out how its bodies move.
 
     A field that has not been baked yet is baked on `device`; `baking` is called as that goes on.
