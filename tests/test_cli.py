@@ -1,7 +1,6 @@
 """The command line as a user meets it: files, messages, exit statuses."""
 
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -160,6 +159,8 @@ def test_a_read_only_folder_is_refused(scene, tmp_path) -> None:
 def test_a_full_disk_leaves_nothing_behind(scene, tmp_path, output) -> None:
     """A limit on file size stands in for the full disk: writes fail in the same way."""
     scene.write_text(SMALL.replace("count = 20", "count = 3000"))
+
+    import resource  # not on Windows
 
     def limit() -> None:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
