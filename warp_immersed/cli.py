@@ -19,6 +19,7 @@ app = typer.Typer(
     help="Leaves, paper, coins and seeds that fall, drift and tumble right, as USD.",
     no_args_is_help=True,
     add_completion=False,
+    rich_markup_mode=None,  # which would swallow [charts] and [default: ...]
     pretty_exceptions_enable=False,
 )
 
