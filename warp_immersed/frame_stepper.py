@@ -84,8 +84,7 @@ class CudaStepper:
         self._copy_stream = wp.Stream(device)
         self._copied = [wp.Event(device), wp.Event(device)]
         self._graphs = []
-        launch(0, 0, outputs[0], False)  # modules are loaded before capture
-        wp.load_module(advance_clock.module, device=device)
+        launch(0, bodies, outputs[0], True)  # recorded only: it compiles and loads the modules before capture
         for out in outputs:
             with wp.ScopedCapture(device) as capture:
                 launch(0, bodies, out, False)
