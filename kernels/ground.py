@@ -9,6 +9,8 @@ from typing import Any
 
 import warp as wp
 
+from warp_immersed.kernels.rigid_body import FAILED, LANDED
+
 wp.set_module_options({"enable_backward": False})
 
 # A body is at rest when less than this is left of its toppling: below what a picture or a half-float quaternion shows.
@@ -116,16 +118,20 @@ def find_ground(
     first: wp.int32,
     environments: wp.array(dtype=Any),
     mesh: wp.uint64,
+    state: wp.array(dtype=wp.uint8),
     position: wp.array(dtype=Any),
     normal_out: wp.array(dtype=Any),
     offset_out: wp.array(dtype=Any),
 ):
     """The ground under bodies first, first + 1, ... as a plane each: unit normal, and its offset (normal . point on it) [m].
 
-    The surface of the mesh straight below, where it is higher than the plane y = height. Its own launch: a ray query inside
-    the frame kernel would cost all bodies half as much again.
+    The surface of the mesh straight below, where it is higher than the plane y = height. A launch of its own keeps the ray
+    query out of the frame kernel of scenes that have no mesh. Bodies at rest are passed over.
     """
     i = first + wp.tid()
+    status = wp.int32(state[i])
+    if status == LANDED or status == FAILED:
+        return
     environment = environments[0]
     x = position[i]
     normal = unit_y(x)

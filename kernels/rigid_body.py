@@ -10,6 +10,13 @@ import warp as wp
 
 wp.set_module_options({"enable_backward": False})
 
+# What a body is doing. A settling body touches the ground but has not come to rest.
+WAITING = 0
+MOVING = 1
+LANDED = 2
+FAILED = 3
+SETTLING = 4
+
 
 def _structs(real):
     vec3 = wp.types.vector(3, real)

@@ -35,6 +35,12 @@ class BakePlan:
     memory: int
     seconds: float | None
 
+    @property
+    def text(self) -> str:
+        """The plan in words."""
+        took = "" if self.seconds is None else f", about {self.seconds:.0f} s"
+        return f"{' x '.join(map(str, self.cells))} cells, {self.memory / 1e6:.0f} MB{took}"
+
 
 @dataclass(frozen=True)
 class BakeReport:
@@ -161,10 +167,7 @@ def cached_bake(
     digest = setup_digest(scene.setup(device), scene.text)
     path = Path(folder) / f"field-{digest[:24]}.h5"
     if not path.is_file():
-        expected = plan_bake(scene, device, threads)
-        took = "" if expected.seconds is None else f", about {expected.seconds:.0f} s"
-        cells = " x ".join(map(str, expected.cells))
-        logger.info("baking %s, once: %s cells, %.0f MB%s", scene.name, cells, expected.memory / 1e6, took)
+        logger.info("baking %s, once: %s", scene.name, plan_bake(scene, device, threads).text)
         path.parent.mkdir(parents=True, exist_ok=True)
         bake(scene, path, device, resume=True, threads=threads, progress=progress, time_progress=time_progress)
     return path

@@ -1,4 +1,4 @@
-"""The command line: `warp-immersed run`, `export`, `info`."""
+"""The command line: `warp-immersed run`, `export`, `bake`, `tensor`, `chart`, `info`."""
 
 import sys
 import threading
@@ -51,12 +51,12 @@ def run(
 
     loaded = Scene.load(scene).changed(seed=seed, count_scale=count_scale, fidelity=fidelity)
     where = choose_device(device)
+    path = output or Path("out") / f"{loaded.name}.usdc"
+    check_output(path, loaded.frame_count, loaded.body_count)
     with patience("working out the added mass of new shapes, once"):
         planned = plan(loaded, where.alias, bake_report if progress else None)
     for note in planned.notes:
         typer.echo(f"note: {note}")
-    path = output or Path("out") / f"{loaded.name}.usdc"
-    check_output(path, loaded.frame_count, loaded.body_count)
     with patience("compiling kernels for this machine, once"):
         ensemble = ensemble_of(planned, where, threads)
     sink = open_sink(path, planned.prototypes, loaded.fps, manifest_of(planned, where))
@@ -89,6 +89,7 @@ def export(
 
     loaded = Recording.load(recording)
     check_output(output, len(loaded.times), loaded.positions.shape[1])
+    output.parent.mkdir(parents=True, exist_ok=True)
     export_usd(loaded, output)
     typer.echo(f"{output}: {mass_text(output.stat().st_size)}, {len(loaded.times)} frames")
 
@@ -113,19 +114,21 @@ def bake(
     described = FieldScene.load(field)
     path = output or field.with_suffix(".h5")
     check_folder(path)
-    expected = plan_bake(described, where.alias, threads)
-    took = "" if expected.seconds is None else f", about {expected.seconds:.0f} s"
-    cells = " x ".join(map(str, expected.cells))
-    typer.echo(f"{field.name}: {cells} cells, {expected.memory / 1e6:.0f} MB{took}, on {where.name}")
-    report = bake_field(
-        described,
-        path,
-        where.alias,
-        resume=resume,
-        threads=threads,
-        progress=bake_report if progress else None,
-        time_progress=(lambda t: typer.echo(f"snapshot at {t:.3g} s", err=True)) if progress else None,
-    )
+    typer.echo(f"{field.name}: {plan_bake(described, where.alias, threads).text}, on {where.name}")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        report = bake_field(
+            described,
+            path,
+            where.alias,
+            resume=resume,
+            threads=threads,
+            progress=bake_report if progress else None,
+            time_progress=(lambda t: typer.echo(f"snapshot at {t:.3g} s", err=True)) if progress else None,
+        )
+    except KeyboardInterrupt:
+        typer.echo(f"interrupted: the state is kept beside {path}; go on with --resume", err=True)
+        raise typer.Exit(INTERRUPTED) from None
     verdict = "converged" if report.convergence.converged else "not converged"
     advice = f": {report.convergence.advice}" if report.convergence.advice else ""
     typer.echo(f"{path}: {verdict} in {report.steps} steps, {report.seconds:.1f} s{advice}")
@@ -181,6 +184,7 @@ def chart(
     if name not in names:
         raise InputError(f"chart: found {name!r}, must be one of {', '.join(names)}")
     check_folder(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
     try:
         if name == "field":
             from warp_immersed.charts.field import chart_field
@@ -275,7 +279,7 @@ def notes_printed() -> Iterator[None]:
 
 
 def check_output(path: Path, frames: int, bodies: int) -> None:
-    """Refuse an output that cannot be written, before the work is done; makes its folder."""
+    """Refuse an output that cannot be written, before the work is done."""
     import shutil
 
     endings = (".usdc", ".usda", ".usd", ".h5")
@@ -283,18 +287,18 @@ def check_output(path: Path, frames: int, bodies: int) -> None:
         raise InputError(f"output {str(path)!r}: found ending {path.suffix!r}, must be one of {', '.join(endings)}")
     check_folder(path)
     needed = frames * bodies * (250 if path.suffix == ".usda" else 54 if path.suffix == ".h5" else 45)
-    free = shutil.disk_usage(path.parent).free
+    free = shutil.disk_usage(next(parent for parent in path.absolute().parents if parent.exists())).free
     if needed > free:
         raise InputError(f"output {str(path)!r}: needs about {needed / 1e6:.0f} MB, the disk has {free / 1e6:.0f} MB left")
 
 
 def check_folder(path: Path) -> None:
-    """Refuse a file whose folder cannot be written to; makes the folder."""
+    """Refuse a file whose folder cannot be written to, or made."""
     import tempfile
 
+    folder = next(parent for parent in path.absolute().parents if parent.exists())
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=path.parent):
+        with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
         raise InputError(f"output {str(path)!r}: cannot be written ({error.strerror})") from error
@@ -303,7 +307,8 @@ def check_folder(path: Path) -> None:
 
 
 def open_sink(path: Path, prototypes: tuple[Any, ...], fps: float, manifest: dict[str, Any]) -> Any:
-    """The writer for a path's ending."""
+    """The writer for a path's ending; makes the folder."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     if path.suffix == ".h5":
         from warp_immersed.recording import RecordingWriter
 

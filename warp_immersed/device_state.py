@@ -15,9 +15,8 @@ from warp_immersed.boundaries import VON_KARMAN, Inlet, LogInlet
 from warp_immersed.emitters import Emission
 from warp_immersed.errors import InputError
 from warp_immersed.fluid import Fluid
-from warp_immersed.kernels.integrate import WAITING
-from warp_immersed.kernels.rigid_body import BodyKind, BodyKind64, Environment, Environment64
-from warp_immersed.turbulence import STILL, HomogeneousTurbulence, lagrangian_time_scale
+from warp_immersed.kernels.rigid_body import WAITING, BodyKind, BodyKind64, Environment, Environment64
+from warp_immersed.turbulence import LARGEST_C0, STILL, HomogeneousTurbulence, lagrangian_time_scale
 from warp_immersed.turbulence_grid import TurbulenceGrid, far_field
 
 Precision = Literal["float32", "float64"]
@@ -198,10 +197,10 @@ def wind_steps_per_frame(frame_time: float, surroundings: Surroundings) -> int:
         InputError: the turbulence changes too fast for frames of this length.
     """
     if isinstance(surroundings.flow, TurbulenceGrid):
-        return grid_wind_steps(frame_time, surroundings.flow, surroundings.fluid)
+        return grid_wind_steps(frame_time, surroundings.flow)
     if isinstance(surroundings.flow, LogInlet):
-        # one metre above the ground, where epsilon / k = 0.3 u* / (kappa y) and C0 is near its largest
-        rate = 0.75 * 6.5 * 0.3 * surroundings.flow.friction_velocity / VON_KARMAN
+        # one metre above the ground, where epsilon / k = 0.3 u* / (kappa y)
+        rate = 0.75 * LARGEST_C0 * 0.3 * surroundings.flow.friction_velocity / VON_KARMAN
         return int(np.clip(ceil(frame_time * WIND_STEPS_PER_TIME_SCALE * rate), 1, MOST_GRID_WIND_STEPS))
     turbulence = surroundings.turbulence
     time_scale = lagrangian_time_scale(turbulence, surroundings.fluid)
@@ -218,16 +217,14 @@ def wind_steps_per_frame(frame_time: float, surroundings: Surroundings) -> int:
     return steps
 
 
-def grid_wind_steps(frame_time: float, grid: TurbulenceGrid, fluid: Fluid) -> int:
+def grid_wind_steps(frame_time: float, grid: TurbulenceGrid) -> int:
     """Wind updates in a frame [s] on a grid: ten in the time scale that all but a tenth of the cells exceed, two in a cell's
     passage at the largest speed, at most MOST_GRID_WIND_STEPS: next to walls turbulence is faster than anything visible."""
     inside = np.broadcast_to(grid.fluid, grid.k.shape) & (grid.k > 0.0) & (grid.epsilon > 0.0)
     k, epsilon = grid.k[inside].astype(np.float64), grid.epsilon[inside].astype(np.float64)
     rate = 2.0 * float(np.abs(grid.velocity).max()) / min(grid.spacing)
     if len(k):
-        reynolds = k * np.sqrt(20.0 / (3.0 * fluid.kinematic_viscosity * epsilon))
-        c0 = 6.5 * (1.0 + 140.0 * reynolds ** (-4.0 / 3.0)) ** -0.75
-        rate = max(rate, WIND_STEPS_PER_TIME_SCALE * float(np.quantile(0.75 * c0 * epsilon / k, 0.9)))
+        rate = max(rate, WIND_STEPS_PER_TIME_SCALE * 0.75 * LARGEST_C0 * float(np.quantile(epsilon / k, 0.9)))
     return int(np.clip(ceil(frame_time * rate), 1, MOST_GRID_WIND_STEPS))
 
 

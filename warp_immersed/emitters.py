@@ -8,14 +8,13 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from warp_immersed.counter_random import uniforms
+from warp_immersed.kernels.philox import STREAM_EMITTER
 
 Array = NDArray[np.float64]
 Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False, strict=True)]
 Vector = tuple[Number, Number, Number]
 Quaternion = tuple[Number, Number, Number, Number]
-
-EMITTER_STREAM = 2  # STREAM_EMITTER of kernels/philox.py
 
 
 class Release(BaseModel):
@@ -92,8 +91,8 @@ class Emission:
 
 def emit(emitter: BoxEmitter | DiskEmitter | PointsEmitter, count: int, seed: int, key: int) -> Emission:
     """Initial states of bodies 0 ... count - 1; a body's own does not depend on how many there are."""
-    place = uniforms(count, seed, key, EMITTER_STREAM, block=0)
-    turn = uniforms(count, seed, key, EMITTER_STREAM, block=1)
+    place = uniforms(count, seed, key, STREAM_EMITTER, block=0)
+    turn = uniforms(count, seed, key, STREAM_EMITTER, block=1)
     if isinstance(emitter, BoxEmitter):
         positions = np.asarray(emitter.center) + (place[:, :3] - 0.5) * np.asarray(emitter.size)
     elif isinstance(emitter, DiskEmitter):

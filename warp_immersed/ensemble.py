@@ -122,7 +122,7 @@ class Ensemble:
                 wp.launch(
                     ground.find_ground,
                     dim=count,
-                    inputs=[first, state.constants[1], wp.uint64(state.ground_mesh.id), state.evolving[1]],
+                    inputs=[first, state.constants[1], wp.uint64(state.ground_mesh.id), *state.evolving[:2]],
                     outputs=state.schedule[-2:],
                     device=self._device,
                     record_cmd=record,

@@ -12,8 +12,8 @@ import warp as wp
 
 from warp_immersed.kernels.integrate import advance_clock
 
-# Bodies a slice holds at least, for a launch costs as much Python as some 50 of them cost device code; slices a thread gets on
-# average, so that uneven work evens out.
+# Bodies a slice holds at least, for every launch has its price in Python; slices a thread gets on average, so that uneven work
+# evens out.
 SMALLEST_SLICE = 256
 SLICES_PER_THREAD = 4
 

@@ -58,10 +58,11 @@ def describe_scene(plan: Plan) -> list[str]:
     lines = [
         f"{scene.name}: {scene.duration:g} s at {scene.fps:g} fps = {scene.frame_count} frames, {scene.body_count} bodies, "
         f"seed {scene.seed}",
-        f"fluid: {surroundings.fluid.density:g} kg/m^3, {surroundings.fluid.kinematic_viscosity:.3g} m^2/s; "
-        f"mean wind {np.linalg.norm(surroundings.mean_wind):.3g} m/s",
+        f"fluid: {surroundings.fluid.density:g} kg/m^3, {surroundings.fluid.kinematic_viscosity:.3g} m^2/s",
     ]
     turbulence, flow = surroundings.turbulence, surroundings.flow
+    if flow is None:
+        lines.append(f"mean wind: {np.linalg.norm(surroundings.mean_wind):.3g} m/s")
     if isinstance(flow, TurbulenceGrid):
         low, high = (" ".join(f"{x:g}" for x in corner) for corner in (flow.lower, flow.upper))
         lines.append(

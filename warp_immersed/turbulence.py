@@ -37,6 +37,9 @@ class HomogeneousTurbulence:
 
 STILL = HomogeneousTurbulence(0.0, 0.0)
 
+# C0 at large Reynolds numbers.
+LARGEST_C0 = 6.5
+
 
 def kolmogorov_constant(reynolds: float) -> float:
     """Lagrangian Kolmogorov constant C0(Re) = 6.5 (1 + 140 Re^(-4/3))^(-3/4) (Xie & Miyata's slides).
@@ -45,7 +48,7 @@ def kolmogorov_constant(reynolds: float) -> float:
     """
     if reynolds <= 0.0:
         return 0.0
-    return float(6.5 * (1.0 + 140.0 * reynolds ** (-4.0 / 3.0)) ** -0.75)
+    return float(LARGEST_C0 * (1.0 + 140.0 * reynolds ** (-4.0 / 3.0)) ** -0.75)
 
 
 def taylor_reynolds(turbulence: HomogeneousTurbulence, fluid: Fluid) -> float:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.bodies import ideal_body, model_in, random_orientations, started, trajectory
+from tests.bodies import ideal_body, model_in, no_loads, random_orientations, started, trajectory
 from warp_immersed import library
 from warp_immersed.device_state import Surroundings, wind_steps_per_frame
 from warp_immersed.errors import InputError
@@ -68,12 +68,17 @@ def test_published_taylor_dispersion_is_the_formula_used_above(time, expected) -
 
 
 def test_initial_wind_is_gaussian_with_the_variance_of_k() -> None:
-    """A frozen wind (epsilon = 0): a body that does not follow it drifts with it through its drag."""
-    turbulence = HomogeneousTurbulence(k=1.5, epsilon=0.0)
-    body = ideal_body(net_weight=0.0, loads=None)
-    surroundings = Surroundings(AIR, gravity=(0.0, 0.0, 0.0), turbulence=turbulence)
-    run = trajectory(body, started(count=50), surroundings, 24.0, 3)
-    assert np.abs(run["velocities"][-1]).max() < 1e-5, "released at rest in a frozen wind, without drag: nothing moves"
+    """In a frozen wind (epsilon = 0) drag carries every body to the velocity that it saw at release, and keeps it there."""
+    bodies = 20_000
+    body = ideal_body(net_weight=0.0, loads=no_loads(drag_linear=np.full(3, 20.0)))
+    surroundings = Surroundings(AIR, gravity=(0.0, 0.0, 0.0), turbulence=HomogeneousTurbulence(k=1.5, epsilon=0.0))
+    run = trajectory(body, started(count=bodies), surroundings, 24.0, 49)
+    u = run["velocities"][-1].astype(float)
+    assert np.abs(u - run["velocities"][-13]).max() < 1e-4, "frozen"
+    draws = 3 * bodies
+    assert abs(u.mean()) < 4.0 / np.sqrt(draws)
+    assert u.var() == pytest.approx(1.0, rel=4.0 * np.sqrt(2.0 / draws))
+    assert (u**4).mean() == pytest.approx(3.0, abs=4.0 * np.sqrt(96.0 / draws)), "Gaussian, not a sum of bytes"
 
 
 @pytest.mark.parametrize(("k", "epsilon"), [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1e-12, 1e-12)])

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from warp_immersed.charts.figures import save_figure
 from warp_immersed.errors import InputError
 from warp_immersed.fundamental_solutions import TABLE_COLUMNS, failure_table
 
@@ -41,17 +42,12 @@ def chart_failures(output: str | Path) -> Path:
         InputError: matplotlib is missing, or the files cannot be written.
     """
     rows = failure_table()
-    try:
-        figure = draw_failures(rows)
-    except ImportError as error:
-        raise InputError("charts need matplotlib: pip install 'warp-immersed[charts]'") from error
-    path = Path(output)
+    path = save_figure(lambda: draw_failures(rows), output)
     try:
         with path.with_suffix(".csv").open("w", newline="") as file:
             writer = csv.DictWriter(file, TABLE_COLUMNS)
             writer.writeheader()
             writer.writerows(rows)
-        figure.savefig(path, dpi=130)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{output}: cannot be written ({error}); name a .png, .pdf or .svg file") from error
+    except OSError as error:
+        raise InputError(f"{path.with_suffix('.csv')}: cannot be written ({error.strerror})") from error
     return path

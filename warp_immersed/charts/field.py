@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_immersed.errors import InputError
+from warp_immersed.charts.figures import save_figure
 from warp_immersed.turbulence_grid import TurbulenceGrid
 
 Array = NDArray[np.float32]
@@ -55,15 +55,7 @@ def chart_field(path: str | Path, output: str | Path, time: float | None = None)
         InputError: the bake cannot be read, matplotlib is missing, or the picture cannot be written.
     """
     grid = TurbulenceGrid.load(path)
-    try:
-        figure = draw_field(grid, time)
-    except ImportError as error:
-        raise InputError("charts need matplotlib: pip install 'warp-immersed[charts]'") from error
-    try:
-        figure.savefig(output, dpi=130)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{output}: cannot be written ({error}); name a .png, .pdf or .svg file") from error
-    return Path(output)
+    return save_figure(lambda: draw_field(grid, time), output)
 
 
 def snapshot(grid: TurbulenceGrid, time: float | None) -> tuple[Array, Array, Array]:

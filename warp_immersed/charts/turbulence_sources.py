@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_immersed.errors import InputError
+from warp_immersed.charts.figures import save_figure
 
 C_2 = 1.92
 Array = NDArray[np.float64]
@@ -67,12 +67,4 @@ def draw_sources() -> Any:
 
 def chart_sources(output: str | Path) -> Path:
     """Draw the figure to a picture. Raises InputError if matplotlib is missing or the picture cannot be written."""
-    try:
-        figure = draw_sources()
-    except ImportError as error:
-        raise InputError("charts need matplotlib: pip install 'warp-immersed[charts]'") from error
-    try:
-        figure.savefig(output, dpi=130)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{output}: cannot be written ({error}); name a .png, .pdf or .svg file") from error
-    return Path(output)
+    return save_figure(draw_sources, output)
