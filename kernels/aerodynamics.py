@@ -19,9 +19,29 @@ SMALLEST_SQUARE = wp.constant(1.0e-30)
 
 
 @wp.func
-def quasi_steady_load(kind: Any, velocity: Any, angular_velocity: Any, lift: Any):
-    """Force and torque about the centre of mass for a body that moves with (velocity, angular_velocity) through the air
-    and carries the circulatory lift `lift`; the rate of change of that lift; and its speed and spin."""
+def drag_load(kind: Any, velocity: Any, angular_velocity: Any, air_rotation: Any):
+    """Force and torque of drag alone, the loads of the `kirchhoff` level; and speed and spin. Arguments as below."""
+    local = velocity + wp.cross(angular_velocity, kind.pressure_center)
+    square = wp.cw_mul(local, local)
+    speed_squared = square[0] + square[1] + square[2]
+    speed = wp.sqrt(speed_squared)
+    root = wp.sqrt(speed)
+    drag_x = kind.drag_root[0] * root + kind.drag_quadratic[0] * speed
+    drag_y = kind.drag_root[1] * root + kind.drag_quadratic[1] * speed
+    drag_z = wp.max(kind.drag_root[2] * root + kind.drag_quadratic[2] * speed, kind.drag_broadside * speed - kind.drag_linear[2])
+    drag = drag_x * square[0] + drag_y * square[1] + drag_z * square[2]
+    drag = drag / wp.max(speed_squared, type(speed)(SMALLEST_SQUARE))
+    force = -drag * local - wp.cw_mul(kind.drag_linear, local)
+    spin = wp.length(angular_velocity)
+    damping = kind.damping_linear + speed * kind.damping_speed + spin * kind.damping_spin
+    torque = wp.cross(kind.pressure_center, force) - wp.cw_mul(damping, angular_velocity - air_rotation)
+    return force, torque, speed, spin
+
+
+@wp.func
+def quasi_steady_load(kind: Any, velocity: Any, angular_velocity: Any, lift: Any, air_rotation: Any):
+    """Force and torque about the centre of mass for a body that moves with (velocity, angular_velocity) through air that
+    turns with air_rotation, and carries the circulatory lift `lift`; the rate of change of that lift; and speed and spin."""
     local = velocity + wp.cross(angular_velocity, kind.pressure_center)
     square = wp.cw_mul(local, local)
     speed_squared = square[0] + square[1] + square[2]
@@ -59,7 +79,7 @@ def quasi_steady_load(kind: Any, velocity: Any, angular_velocity: Any, lift: Any
     cut = kind.munk_cut_edge + kind.munk_cut_swing * square[2] * inverse_squared
     torque = (
         wp.cross(kind.pressure_center, force)
-        - wp.cw_mul(damping, angular_velocity)
+        - wp.cw_mul(damping, angular_velocity - air_rotation)
         - type(local)(roll * local[0], roll * local[1], type(speed)(0.0))
         - cut * wp.cross(wp.cw_mul(kind.munk_mass, local), local)
     )

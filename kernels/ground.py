@@ -113,6 +113,47 @@ def slide(kind: Any, velocity: Any, up: Any, time: Any):
     return direction * left, direction * ((speed + left) * sliding * velocity.dtype(0.5))
 
 
+@wp.func
+def part_before_contact(
+    kind: Any, supports: wp.array(dtype=Any), normal: Any, height: Any, sinking: Any, orientation: Any, next_orientation: Any
+):
+    """Part of a step [0, 1] before a body's lowest point meets the ground, by linear interpolation; 2 if it does not.
+
+    height: of the centre of mass above the ground plane at the step's end [m], sinking: its change over the step.
+    """
+    part = type(height)(2.0)
+    if height < kind.bounding_radius:
+        below = height + lowest_point(kind, supports, next_orientation, normal)
+        if below < type(height)(0.0):
+            above = height - sinking + lowest_point(kind, supports, orientation, normal)
+            span = wp.max(above - below, type(height)(1.0e-12))
+            part = wp.clamp(above / span, type(height)(0.0), type(height)(1.0))
+    return part
+
+
+@wp.func
+def settle(
+    kind: Any,
+    supports: wp.array(dtype=Any),
+    rests: wp.array(dtype=Any),
+    normal: Any,
+    height: Any,
+    orientation: Any,
+    velocity: Any,
+    angular_velocity: Any,
+    time: Any,
+):
+    """Topple and slide a body that touches the ground for a time [s]; height [m] of its centre above the ground plane.
+
+    Returns its orientation, velocity, angular velocity and displacement (world axes), and whether it has come to rest.
+    """
+    turned_to, spin, at_rest = topple(kind, rests, orientation, angular_velocity, normal, time)
+    left, moved = slide(kind, velocity, normal, time)
+    gap = height + wp.dot(normal, moved) + lowest_point(kind, supports, turned_to, normal)
+    moved += unit_y(velocity) * (-gap / normal[1])
+    return turned_to, left, spin, moved, at_rest and wp.length(left) <= type(height)(0.0)
+
+
 @wp.kernel
 def find_ground(
     first: wp.int32,

@@ -57,6 +57,19 @@ def _structs(real):
         rate_speed: real  # [1/m]
         rate_spin: real  # [1]
         rate_start: real  # [1/s], for a body at rest that gravity is about to move
+        # the air it sees (langevin.py): its size, and in homogeneous turbulence what a wind step does
+        eddy_size: wp.float32  # eddies smaller than this are averaged out [m]
+        wind_sigma: wp.float32  # [m/s]
+        wind_decay: wp.float32
+        rotation_sigma: wp.float32  # [rad/s]
+        rotation_decay: wp.float32
+        # as a point (point_mass.py)
+        point_inertia: real  # mass and mean added mass
+        point_drag: vec3  # per speed, its root and its square: [1/s], [1/(m s)^(1/2)], [1/m]
+        tumbling: real  # spin per relative speed [1/m]
+        fall_speed: real  # terminal [m/s]
+        fall_velocity: vec3
+        glide: real  # sideways speed over speed, across the axis of tumbling
         # resting on the ground (ground.py)
         bounding_radius: real  # [m]
         settling_rate: real  # [1/s]
@@ -74,11 +87,7 @@ def _structs(real):
         mean_wind: vec3  # [m/s]
         wind_step: real  # time between updates of the seen wind [s]
         wind_steps: wp.int32  # updates in a frame
-        # homogeneous turbulence; where the flow varies, these come from the place (langevin.py)
-        wind_varies: wp.int32
-        wind_decay: real  # exp(-wind_step / T_L)
-        wind_kick: real  # sigma (1 - decay^2)^(1/2) [m/s]
-        wind_sigma: real  # (2 k / 3)^(1/2) [m/s]
+        wind_varies: wp.int32  # whether mean and turbulence depend on the place
         viscosity: real  # kinematic [m^2/s]
         has_ground: wp.int32
         has_ground_mesh: wp.int32
@@ -121,10 +130,3 @@ def kirchhoff_rates(momentum: Any, angular_momentum: Any, velocity: Any, angular
 def buoyant_load(kind: Any, gravity: Any):
     """Force and torque of gravity and buoyancy; gravity in body axes, less the acceleration of the seen air."""
     return kind.net_weight * gravity, wp.cross(kind.buoyancy_arm, gravity)
-
-
-@wp.func
-def orientation_rate(orientation: Any, angular_velocity: Any):
-    """dq/dt = q (w, 0) / 2, with the angular velocity in body axes."""
-    w = angular_velocity * angular_velocity.dtype(0.5)
-    return orientation * type(orientation)(w[0], w[1], w[2], w.dtype(0.0))

@@ -1,7 +1,7 @@
 """The baked flow at a point, for any kernel that moves bodies: trilinear, linear in time, solid cells not mixed in.
 
     sample = sample_flow(field, position, time)          # velocity [m/s], k [m^2/s^2], epsilon [m^2/s^3]
-    gradient = sample_gradient(field, position, time)    # gradient[i, j] = d velocity_i / d x_j [1/s]
+    slope = sample_slope(field, position, time)          # slope.velocity[i, j] = d velocity_i / d x_j [1/s], ...
 
 A field without cells (steps = 0) is the far field alone: uniform, or a logarithmic wind profile.
 """
@@ -43,6 +43,15 @@ class FlowSample:
     velocity: wp.vec3
     k: float
     epsilon: float
+
+
+@wp.struct
+class FlowSlope:
+    """Gradients at a point: of the mean velocity, [i, j] = d u_i / d x_j [1/s], of k [m/s^2] and of epsilon [m/s^3]."""
+
+    velocity: wp.mat33
+    k: wp.vec3
+    epsilon: wp.vec3
 
 
 @wp.func
@@ -177,10 +186,9 @@ def distance_outside(cells: wp.vec3i, inverse: wp.vec3, x: wp.vec3) -> float:
 
 
 @wp.func
-def gradient_of_step(field: FlowField, step: int, cell: wp.vec3i, f: wp.vec3, mean: CellState) -> wp.mat33:
+def slope_of_step(field: FlowField, step: int, cell: wp.vec3i, f: wp.vec3, mean: CellState) -> FlowSlope:
     """Derivative of the trilinear interpolation with solid corners held at the mean of the fluid ones."""
-    gradient = wp.mat33()
-    center = wp.vec3(mean[0], mean[1], mean[2])
+    slope = FlowSlope()
     d = corner_strides(field.cells, cell)
     base = (cell[0] * field.cells[1] + cell[1]) * field.cells[2] + cell[2]
     for corner in range(8):
@@ -189,40 +197,44 @@ def gradient_of_step(field: FlowField, step: int, cell: wp.vec3i, f: wp.vec3, me
             x = wp.where((corner & 1) == 1, f[0], 1.0 - f[0])
             y = wp.where((corner & 2) == 2, f[1], 1.0 - f[1])
             z = wp.where(corner > 3, f[2], 1.0 - f[2])
-            slope = wp.vec3(
+            along = wp.vec3(
                 wp.where((corner & 1) == 1, 1.0, -1.0) * y * z * field.inverse[0],
                 wp.where((corner & 2) == 2, 1.0, -1.0) * x * z * field.inverse[1],
                 wp.where(corner > 3, 1.0, -1.0) * x * y * field.inverse[2],
             )
-            gradient += wp.outer(wp.vec3(state[0], state[1], state[2]) - center, slope)
-    return gradient
+            difference = state - mean
+            slope.velocity += wp.outer(wp.vec3(difference[0], difference[1], difference[2]), along)
+            slope.k += difference[3] * along
+            slope.epsilon += difference[4] * along
+    return slope
 
 
 @wp.func
-def far_gradient(far: Side, position: wp.vec3) -> wp.mat33:
-    """Gradient of the far field: the shear of the logarithmic profile, or zero."""
-    gradient = wp.mat33()
+def far_slope(far: Side, position: wp.vec3) -> FlowSlope:
+    """Gradients of the far field: those of the logarithmic profile (k constant, epsilon falling with height), or zero."""
+    slope = FlowSlope()
     above = position[1] - far.ground
     if far.friction_velocity > 0.0 and above > 0.0:
-        rate = far.friction_velocity / (VON_KARMAN * (above + far.roughness))
-        gradient = wp.outer(far.velocity, wp.vec3(0.0, rate, 0.0))
-    return gradient
+        rate = 1.0 / (above + far.roughness)
+        slope.velocity = wp.outer(far.velocity, wp.vec3(0.0, far.friction_velocity / VON_KARMAN * rate, 0.0))
+        slope.epsilon = wp.vec3(0.0, -boundary_turbulence(far, position[1])[1] * rate, 0.0)
+    return slope
 
 
 @wp.func
-def sample_gradient(field: FlowField, position: wp.vec3, time: float) -> wp.mat33:
-    """Gradient of the mean velocity [1/s], [i, j] = d u_i / d x_j; that of the far field outside the grid."""
+def sample_slope(field: FlowField, position: wp.vec3, time: float) -> FlowSlope:
+    """Gradients of mean flow and turbulence at a position [m] and time [s]; those of the far field outside the grid."""
     if field.steps == 0:
-        return far_gradient(field.far, position)
+        return far_slope(field.far, position)
     x = wp.cw_mul(position - field.origin, field.inverse)
     if distance_outside(field.cells, field.inverse, x) > 0.0:
-        return far_gradient(field.far, position)
+        return far_slope(field.far, position)
     cell = lower_cell(field.cells, x)
     f = fraction(x, cell)
     step = first_step(field, time)
     if field.steps > 1 and time_fraction(field, time) - float(step) > 0.5:
         step += 1
-    return gradient_of_step(field, step, cell, f, mix_cells(field, step, cell, f))
+    return slope_of_step(field, step, cell, f, mix_cells(field, step, cell, f))
 
 
 @wp.kernel
@@ -244,4 +256,4 @@ def sample_points(
 def sample_gradients(field: FlowField, time: float, positions: wp.array(dtype=wp.vec3), gradient_out: wp.array(dtype=wp.mat33)):
     """Gradient of the mean velocity at many positions."""
     i = wp.tid()
-    gradient_out[i] = sample_gradient(field, positions[i], time)
+    gradient_out[i] = sample_slope(field, positions[i], time).velocity

@@ -5,7 +5,7 @@ from dataclasses import fields
 import numpy as np
 
 from warp_immersed.added_mass import kirchhoff_tensor
-from warp_immersed.body_model import BodyModel, body_model, substep_rates
+from warp_immersed.body_model import BodyModel, body_model, point_model, substep_rates
 from warp_immersed.device_state import Group, Surroundings
 from warp_immersed.emitters import Emission, random_rotations
 from warp_immersed.ensemble import Ensemble
@@ -41,6 +41,8 @@ def ideal_body(mass=(1.0, 1.0, 1.0), moment=(1.0, 1.0, 1.0), coupling=None, net_
         bounding_radius=2.0,
         settling_rate=1.0,
         friction=1.0,
+        eddy_size=1e-9,
+        point=point_model(inertia, loads, pull),
     )
 
 

@@ -8,9 +8,10 @@ from tests.bodies import ideal_body, model_in, random_orientations, started, tra
 from warp_immersed import library
 from warp_immersed.device_state import Group, Surroundings
 from warp_immersed.emitters import BoxEmitter, emit
-from warp_immersed.ensemble import FAILED, LANDED, MOVING, WAITING, Ensemble
+from warp_immersed.ensemble import Ensemble
 from warp_immersed.errors import InputError
 from warp_immersed.fluid import AIR
+from warp_immersed.kernels.rigid_body import FAILED, LANDED, MOVING, WAITING
 from warp_immersed.turbulence import HomogeneousTurbulence
 
 GUSTY = Surroundings(AIR, mean_wind=(0.5, 0.0, 0.0), turbulence=HomogeneousTurbulence(0.05, 0.02), ground_height=0.0)

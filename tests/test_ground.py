@@ -6,8 +6,8 @@ import pytest
 from tests.bodies import model_in, random_orientations, rotate, started, trajectory
 from warp_immersed import library
 from warp_immersed.device_state import Surroundings
-from warp_immersed.ensemble import LANDED, MOVING
 from warp_immersed.fluid import AIR, WATER
+from warp_immersed.kernels.rigid_body import LANDED, MOVING
 from warp_immersed.resting import resting
 from warp_immersed.turbulence import HomogeneousTurbulence
 

@@ -1,10 +1,11 @@
 """`BodyModel`: the numbers with which the device moves one kind of body (see kernels/rigid_body.py)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
+from scipy.optimize import brentq
 
 from warp_immersed.exact_tensors import shifted_tensor
 from warp_immersed.fluid import Fluid
@@ -35,12 +36,29 @@ class SubstepRates:
 
 
 @dataclass(frozen=True)
+class PointModel:
+    """A body without attitude, divided by its mass (kernels/point_mass.py).
+
+    inertia: mass and mean added mass; drag (3,): rate of slowing per 1, V^(1/2) and V, over the inertia [1/s, 1/(m s)^(1/2),
+    1/m]; fall_speed [m/s]: terminal; tumbling: spin per speed [1/m]; glide: sideways speed, across
+    the axis of tumbling, over speed.
+    """
+
+    inertia: float
+    drag: Array
+    fall_speed: float
+    tumbling: float = 0.0
+    glide: float = 0.0
+
+
+@dataclass(frozen=True)
 class BodyModel:
     """Dynamics of one kind of body, divided by its mass.
 
     inertia (6, 6): mass and added mass about the centre of mass, [[M, D], [D^T, J]] in [1, m, m^2];
     net_weight: 1 - rho V / m; buoyancy_arm (3,) [m]: -rho V / m times the centre of buoyancy; loads: per unit mass;
-    settling_rate [1/s] and friction [m/s^2] of a body on the ground; bounding_radius [m].
+    settling_rate [1/s] and friction [m/s^2] of a body on the ground; bounding_radius [m]; eddy_size [m]: smaller eddies are
+    averaged out over the body; point: what is left of it without its attitude.
     """
 
     inertia: Array
@@ -52,6 +70,8 @@ class BodyModel:
     bounding_radius: float
     settling_rate: float
     friction: float
+    eddy_size: float
+    point: PointModel
 
 
 def body_model(shape: Shape, fluid: Fluid, added_mass: Array, gravity: float) -> BodyModel:
@@ -73,7 +93,41 @@ def body_model(shape: Shape, fluid: Fluid, added_mass: Array, gravity: float) ->
         # a rod of length R that topples about its end: rate^2 = 3 g / (2 R), slowed by the air it pushes away
         settling_rate=float(np.sqrt(1.5 * pull / (inertia[2, 2] * radius))),
         friction=float(FRICTION_COEFFICIENT * pull / inertia[0, 0]),
+        eddy_size=2.0 * float(np.sqrt(shape.semi_axes[0] * shape.semi_axes[1])),
+        point=point_model(inertia, loads, abs(net_weight) * gravity),
     )
+
+
+def without_lift(model: BodyModel, gravity: float) -> BodyModel:
+    """The model with drag and damping as its only loads, for the `kirchhoff` level; gravity [m/s^2]."""
+    none = np.zeros(3)
+    loads = replace(
+        model.loads,
+        lift=0.0, circulation=none, lift_lag=0.0, munk_cut_edge=0.0, munk_cut_swing=0.0, damping_roll=0.0,
+    )  # fmt: skip
+    return replace(model, loads=loads, rates=substep_rates(model.inertia, loads, abs(model.net_weight) * gravity))
+
+
+def point_model(inertia: Array, loads: LoadCoefficients, pull: float) -> PointModel:
+    """A body that shows all its sides to the flow equally: exact for a sphere. inertia and loads per unit mass; pull [m/s^2]."""
+    mean_inertia = float(np.trace(inertia[:3, :3]) / 3.0)
+    quadratic = np.maximum(loads.drag_quadratic, [0.0, 0.0, loads.drag_broadside])
+    drag = np.array([loads.drag_linear.mean(), loads.drag_root.mean(), quadratic.mean()]) / mean_inertia
+    return PointModel(mean_inertia, drag, terminal_speed(drag, pull / mean_inertia))
+
+
+def terminal_speed(drag: Array, pull: float) -> float:
+    """The speed V [m/s] at which (d0 + d1 V^(1/2) + d2 V) V balances a pull [m/s^2]; drag (3,) as in `PointModel`."""
+    if pull == 0.0 or not drag.any():
+        return 0.0
+
+    def excess(root: float) -> float:
+        return float((drag[0] + (drag[1] + drag[2] * root) * root) * root**2 - pull)
+
+    top = 1e-3
+    while excess(top) < 0.0:
+        top *= 2.0
+    return float(brentq(excess, 0.0, top)) ** 2
 
 
 def specific_loads(loads: LoadCoefficients, mass: float) -> LoadCoefficients:

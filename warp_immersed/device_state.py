@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import ceil, exp, isinf
+from math import ceil, isinf
 from typing import Any, Literal
 
 import numpy as np
@@ -14,8 +14,10 @@ from warp_immersed.body_model import BodyModel
 from warp_immersed.boundaries import VON_KARMAN, Inlet, LogInlet
 from warp_immersed.emitters import Emission
 from warp_immersed.errors import InputError
+from warp_immersed.fidelity import Level
 from warp_immersed.fluid import Fluid
 from warp_immersed.kernels.rigid_body import WAITING, BodyKind, BodyKind64, Environment, Environment64
+from warp_immersed.seen_turbulence import decay_over, seen_turbulence, step_average
 from warp_immersed.turbulence import LARGEST_C0, STILL, HomogeneousTurbulence, lagrangian_time_scale
 from warp_immersed.turbulence_grid import TurbulenceGrid, far_field
 
@@ -33,11 +35,12 @@ MOST_GRID_WIND_STEPS = 16
 
 @dataclass(frozen=True)
 class Group:
-    """Bodies of one kind: their model, how they start, and the 32-bit key of their random numbers."""
+    """Bodies of one kind: their model, how they start, the 32-bit key of their random numbers, and their level."""
 
     model: BodyModel
     emission: Emission
     random_key: int
+    level: Level = "quasi_steady"
 
 
 @dataclass(frozen=True)
@@ -97,7 +100,8 @@ def allocate(
     quaternion = wp.types.quaternion(scalar)
     bodies = len(emission.positions)
     counts = [len(group.emission.positions) for group in groups]
-    kinds, supports, rests = kind_values(groups, np.cumsum([0, *counts]))
+    environment = environment_values(surroundings, 1.0 / fps, seed)
+    kinds, supports, rests = kind_values(groups, np.cumsum([0, *counts]), surroundings, environment["wind_step"])
     rounded = emission.positions.astype(np.float32 if precision == "float32" else np.float64)
     release_frame, release_fraction = release_frames(emission.release_times, fps)
 
@@ -112,7 +116,6 @@ def allocate(
     if surroundings.ground_mesh is not None:
         points = array(np.asarray(surroundings.ground_mesh.vertices, dtype=np.float32), wp.vec3)
         ground_mesh = wp.Mesh(points, array(np.asarray(surroundings.ground_mesh.faces, dtype=np.int32).ravel(), wp.int32))
-    environment = filled(environment_struct, environment_values(surroundings, 1.0 / fps, seed))
     outputs = tuple(
         {
             "position_out": empty(vec3),
@@ -127,7 +130,7 @@ def allocate(
     return DeviceState(
         constants=[
             array([filled(kind_struct, values) for values in kinds], kind_struct),
-            array([environment], environment_struct),
+            array([filled(environment_struct, environment)], environment_struct),
             device_flow(surroundings, device),
             array(supports, vec3),
             array(rests, vec3),
@@ -150,6 +153,7 @@ def allocate(
             array(emission.angular_velocities, vec3),
             empty(vec3),
             empty(vec3),
+            empty(vec3),
         ],
         outputs=(outputs[0], outputs[1]),
         clock=clock,
@@ -170,18 +174,12 @@ def environment_values(surroundings: Surroundings, frame_time: float, seed: int)
     """Fields of the Environment struct; frame_time [s]."""
     wind_steps = wind_steps_per_frame(frame_time, surroundings)
     wind_step = frame_time / wind_steps
-    sigma = surroundings.turbulence.velocity_rms
-    time_scale = lagrangian_time_scale(surroundings.turbulence, surroundings.fluid)
-    decay = exp(-wind_step / time_scale) if time_scale > 0.0 else 0.0
     return {
         "gravity": surroundings.gravity,
         "mean_wind": surroundings.mean_wind,
         "wind_step": wind_step,
         "wind_steps": wind_steps,
         "wind_varies": int(surroundings.flow is not None),
-        "wind_decay": decay,
-        "wind_kick": sigma * np.sqrt(1.0 - decay**2),
-        "wind_sigma": sigma,
         "viscosity": surroundings.fluid.kinematic_viscosity,
         "has_ground": int(surroundings.ground_height is not None),
         "has_ground_mesh": int(surroundings.ground_mesh is not None),
@@ -235,15 +233,20 @@ def device_flow(surroundings: Surroundings, device: wp.Device) -> Any:
     return far_field(surroundings.flow or Inlet(surroundings.mean_wind, 0.0, 0.0), device)
 
 
-def kind_values(groups: Sequence[Group], first_bodies: NDArray[Any]) -> tuple[list[dict[str, Any]], NDArray[Any], NDArray[Any]]:
+def kind_values(
+    groups: Sequence[Group], first_bodies: NDArray[Any], surroundings: Surroundings, wind_step: float
+) -> tuple[list[dict[str, Any]], NDArray[Any], NDArray[Any]]:
     """Fields of the BodyKind struct for each group, and all their support points (S, 3) and rest directions (R, 3)."""
     kinds = []
+    gravity = np.asarray(surroundings.gravity)
+    down = gravity / max(float(np.linalg.norm(gravity)), 1e-30)
     supports, rests = [group.model.resting.supports for group in groups], [group.model.resting.rests for group in groups]
     first_support = np.cumsum([0, *(len(s) for s in supports)])
     first_rest = np.cumsum([0, *(len(r) for r in rests)])
     for i, group in enumerate(groups):
         model = group.model
         inverse = np.linalg.inv(model.inertia)
+        seen = seen_turbulence(surroundings.turbulence, surroundings.fluid, model.eddy_size)
         kinds.append(
             {
                 "linear_inertia": model.inertia[:3, :3],
@@ -257,6 +260,17 @@ def kind_values(groups: Sequence[Group], first_bodies: NDArray[Any]) -> tuple[li
                 **vars(model.loads),
                 "munk_mass": np.diag(model.inertia)[:3],
                 **{f"rate_{name}": rate for name, rate in vars(model.rates).items()},
+                "eddy_size": model.eddy_size,
+                "wind_sigma": seen.velocity_rms,
+                "wind_decay": decay_over(wind_step, seen.time_scale),
+                "rotation_sigma": seen.rotation_rms * step_average(wind_step, seen.rotation_time_scale),
+                "rotation_decay": decay_over(wind_step, seen.rotation_time_scale),
+                "point_inertia": model.point.inertia,
+                "point_drag": model.point.drag,
+                "tumbling": model.point.tumbling,
+                "fall_speed": model.point.fall_speed,
+                "fall_velocity": model.point.fall_speed * np.sign(model.net_weight) * down,
+                "glide": model.point.glide,
                 "bounding_radius": model.bounding_radius,
                 "settling_rate": model.settling_rate,
                 "friction": model.friction,

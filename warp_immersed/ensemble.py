@@ -11,10 +11,18 @@ from numpy.typing import NDArray
 from warp_immersed.device_state import Group, Precision, Surroundings, allocate
 from warp_immersed.emitters import Emission
 from warp_immersed.errors import InputError
+from warp_immersed.fidelity import Level
 from warp_immersed.frame_stepper import CpuStepper, CudaStepper, Outputs, available_threads
-from warp_immersed.kernels import ground, integrate
+from warp_immersed.kernels import ground, integrate, point_mass
+from warp_immersed.kernels.rigid_body import MOVING, WAITING
+from warp_immersed.kernels.runge_kutta import MOST_SUBSTEPS
 
-WAITING, MOVING, LANDED, FAILED = integrate.WAITING, integrate.MOVING, integrate.LANDED, integrate.FAILED
+KERNELS: dict[Level, wp.Kernel] = {
+    "drift": point_mass.advance_drift,
+    "point": point_mass.advance_point,
+    "kirchhoff": integrate.advance_kirchhoff,
+    "quasi_steady": integrate.advance_quasi_steady,
+}
 
 
 @dataclass(frozen=True)
@@ -64,13 +72,14 @@ class Ensemble:
     ):
         for group in groups:
             substeps = group.model.rates.linear / fps
-            if substeps > integrate.MOST_SUBSTEPS:
+            if group.level in ("kirchhoff", "quasi_steady") and substeps > MOST_SUBSTEPS:
                 raise InputError(
-                    f"a body of radius {group.model.bounding_radius:.3g} m is too small for quasi_steady: it would need "
-                    f"{substeps:.3g} substeps a frame, at most {integrate.MOST_SUBSTEPS}; make it larger or raise fps"
+                    f"a body of radius {group.model.bounding_radius:.3g} m is too small for {group.level}: it would need "
+                    f"{substeps:.3g} substeps a frame, at most {MOST_SUBSTEPS}; use point, make it larger or raise fps"
                 )
         emissions = [group.emission for group in groups]
         self._initial = Emission(*(np.concatenate([getattr(e, name) for e in emissions]) for name in vars(emissions[0])))
+        self._runs = level_runs(groups)
         self._fps = fps
         self._real = np.dtype(precision)
         self._device = wp.get_device(device)
@@ -128,16 +137,19 @@ class Ensemble:
                     record_cmd=record,
                 )
             )
-        launches.append(
-            wp.launch(
-                integrate.advance_quasi_steady,
-                dim=count,
-                inputs=[first, *state.constants, *state.schedule, *state.evolving],
-                outputs=list(outputs.values()),
-                device=self._device,
-                record_cmd=record,
-            )
-        )
+        for level, start, end in self._runs:
+            lower, upper = max(first, start), min(first + count, end)
+            if lower < upper:
+                launches.append(
+                    wp.launch(
+                        KERNELS[level],
+                        dim=upper - lower,
+                        inputs=[lower, *state.constants, *state.schedule, *state.evolving],
+                        outputs=list(outputs.values()),
+                        device=self._device,
+                        record_cmd=record,
+                    )
+                )
         return launches
 
     def _initial_frame(self) -> Frame:
@@ -167,3 +179,16 @@ class Ensemble:
             state=arrays["state"],
             body_steps=self._body_steps,
         )
+
+
+def level_runs(groups: Sequence[Group]) -> list[tuple[Level, int, int]]:
+    """Stretches of bodies of one level: (level, first body, first body after it)."""
+    runs: list[tuple[Level, int, int]] = []
+    end = 0
+    for group in groups:
+        start, end = end, end + len(group.emission.positions)
+        if runs and runs[-1][0] == group.level:
+            runs[-1] = (group.level, runs[-1][1], end)
+        else:
+            runs.append((group.level, start, end))
+    return runs

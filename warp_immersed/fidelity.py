@@ -1,12 +1,100 @@
-"""The ladder of body models: how much of the physics a body is given."""
+"""The ladder of body models: how much of the physics a body is given, and the choice of the cheapest level that will do.
 
-from typing import Literal
+The errors below are bounds on what was measured over leaves, paper, confetti, snow, ash, coins, spheres and ellipsoids at
+turbulence of 0 to 3 times their fall speed, in eddies 20 and 200 times their size (`benchmarks/fidelity.py`): error of the mean
+descent, of the horizontal spread and of the horizontal speed against the full model, relative to it (speeds at least to
+the fall speed's fiftieth).
+"""
 
-# What a scene may ask for, and what "auto" picks for every body.
-Fidelity = Literal["auto", "quasi_steady"]
-Level = Literal["quasi_steady"]
+from dataclasses import dataclass
+from math import inf, sqrt
+from typing import Literal, get_args
+
+# What a scene may ask for, from the cheapest to the fullest, and what "auto" picks for every body.
+Level = Literal["drift", "point", "kirchhoff", "quasi_steady"]
+Fidelity = Literal["auto", "drift", "point", "kirchhoff", "quasi_steady"]
+LEVELS: tuple[Level, ...] = get_args(Level)
+
+DEFAULT_TOLERANCE = 0.2
+# A body smaller than this in a picture shows no attitude.
+ATTITUDE_PIXELS = 3.0
+# Bodies with nearly equal axes look and fall alike from all sides.
+ROUND = 0.15
+# Plates below this Reynolds number fall flat and steadily (Field et al., Nature 388 (1997) 252); above, they swing.
+STEADY_REYNOLDS = 100.0
 
 
-def resolve(asked: Fidelity) -> Level:
-    """The level a body is simulated at."""
-    return "quasi_steady" if asked == "auto" else asked
+@dataclass(frozen=True)
+class Behaviour:
+    """What decides how much of a body's physics shows.
+
+    flatness: 1 for a plate, 0 for a sphere; roundness: shortest over longest axis; reynolds: of its fall; wind: rms of the seen
+    fluctuation over the fall speed; stokes: fall speed over gravity, over the time scale of the seen wind; glide:
+    sideways over fall speed in still fluid; start: time to reach the fall speed over the length of the scene; pixels: its
+    size in most pictures, infinite if unknown.
+    """
+
+    flatness: float
+    roundness: float
+    reynolds: float
+    wind: float
+    stokes: float
+    glide: float
+    start: float
+    pixels: float = inf
+
+    @property
+    def attitude_shows(self) -> bool:
+        """Whether one sees how the body is turned."""
+        return self.roundness < 1.0 - ROUND and self.pixels >= ATTITUDE_PIXELS
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A level, its expected relative error, and why no cheaper one."""
+
+    level: Level
+    error: float
+    reason: str
+
+
+def choose(body: Behaviour, tolerance: float) -> Choice:
+    """The cheapest level whose error is within the tolerance."""
+    if body.attitude_shows:
+        error = lift_error(body)
+        if error <= tolerance:
+            return Choice("kirchhoff", error, "its attitude shows, lift is weak")
+        return Choice("quasi_steady", 0.0, f"without lift its fall would be {100 * error:.0f} % off")
+    unseen = "round" if body.roundness >= 1.0 - ROUND else f"{body.pixels:.1f} pixels large"
+    point, drift = point_error(body), drift_error(body)
+    if point + drift <= tolerance:
+        return Choice("drift", point + drift, f"{unseen}, follows the wind at once")
+    if point <= tolerance:
+        return Choice("point", point, f"{unseen}; without inertia it would be {100 * drift:.0f} % off")
+    if lift_error(body) <= tolerance:
+        return Choice("kirchhoff", lift_error(body), f"as a point it would be {100 * point:.0f} % off")
+    return Choice("quasi_steady", 0.0, f"as a point it would be {100 * point:.0f} % off")
+
+
+def swings(body: Behaviour) -> float:
+    """0 for bodies that fall steadily, 1 for plates that swing."""
+    return body.flatness / (1.0 + (STEADY_REYNOLDS / max(body.reynolds, 1e-9)) ** 3)
+
+
+def lift_error(body: Behaviour) -> float:
+    """Error of `kirchhoff` against the full model: plates that swing do not glide without lift."""
+    return max(swings(body), 0.1 * body.flatness)
+
+
+def point_error(body: Behaviour) -> float:
+    """Error of `point`: no wander but a steady glide, whose heading turbulence ought to change."""
+    wander = 0.15 * swings(body) + 0.1 * body.flatness * min(1.0, body.wind)
+    return wander + min(1.0, 20.0 * body.glide * body.wind)
+
+
+def drift_error(body: Behaviour) -> float:
+    """Error of `drift` against `point`: drag that grows faster than the speed slows a shaken fall, inertia calms it, and it
+    takes its time to start."""
+    shaken = body.wind**2 * body.stokes / (1.0 + body.stokes) if body.stokes < inf else body.wind**2
+    speed = (sqrt(1.0 + min(body.stokes, 100.0)) - 1.0) * body.wind / sqrt(1.0 + body.wind**2)
+    return max(shaken / (shaken + 1.5), speed, body.start)

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError,
 
 from warp_immersed.emitters import BoxEmitter, DiskEmitter, Emitter, NotNegative, Number, PointsEmitter, Vector
 from warp_immersed.errors import InputError
-from warp_immersed.fidelity import Fidelity
+from warp_immersed.fidelity import DEFAULT_TOLERANCE, Fidelity
 from warp_immersed.field_scene import FieldTables
 from warp_immersed.fluid import PRESETS, Fluid
 from warp_immersed.shape_table import ShapeTable, near
@@ -103,7 +103,8 @@ class Scene(Table):
     """What to simulate. Lengths in metres, times in seconds, y up.
 
     duration [s] at fps makes round(duration * fps) frames, the first at time 0; seed: 32-bit key of all randomness;
-    fluid: "air", "water" or a table; gravity [m/s^2].
+    fluid: "air", "water" or a table; gravity [m/s^2]; tolerance: relative error of falls and spreads that fidelity = "auto" may
+    cost.
     """
 
     duration: Positive
@@ -111,6 +112,7 @@ class Scene(Table):
     seed: Annotated[int, Field(ge=0, le=2**32 - 1, strict=True)] = 0
     fluid: Literal["air", "water"] | FluidTable = "air"
     gravity: Vector = (0.0, -9.81, 0.0)
+    tolerance: Annotated[float, Field(ge=0.0, le=1.0, strict=True)] = DEFAULT_TOLERANCE
     wind: WindTable | None = None
     turbulence: Turbulence | None = None
     ground: GroundTable | None = None

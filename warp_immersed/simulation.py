@@ -19,14 +19,17 @@ from warp_immersed.body_model import BodyModel, body_model
 from warp_immersed.counter_random import random_key
 from warp_immersed.device_state import Group, Surroundings
 from warp_immersed.emitters import emit, lowest_start
-from warp_immersed.ensemble import FAILED, Ensemble, Frame
+from warp_immersed.ensemble import Ensemble, Frame
 from warp_immersed.errors import InputError
-from warp_immersed.fidelity import Level, resolve
+from warp_immersed.fidelity import Choice, Level
+from warp_immersed.kernels.rigid_body import FAILED
+from warp_immersed.level_choice import Scale, model_at_level
 from warp_immersed.recording import DATASETS, Prototype, Recording
 from warp_immersed.scene import BodiesTable, Scene
 from warp_immersed.scene_flow import scene_flow, scene_ground_mesh
 from warp_immersed.shape import Shape
 from warp_immersed.shape_table import make_shape
+from warp_immersed.tensor_cache import cache_directory
 from warp_immersed.version import __version__
 
 if TYPE_CHECKING:
@@ -40,7 +43,12 @@ class Kind:
     table: BodiesTable
     shape: Shape
     model: BodyModel
-    level: Level
+    choice: Choice
+
+    @property
+    def level(self) -> Level:
+        """The level it is simulated at."""
+        return self.choice.level
 
 
 @dataclass(frozen=True)
@@ -114,7 +122,9 @@ def plan(scene: Scene, device: str = "cpu", baking: "Callable[[Progress], None] 
         if ground is not None:
             check_clearance(scene, index, shape, ground, fluid.density)
         model = body_model(shape, fluid, kirchhoff_tensor(shape, fluid), float(np.linalg.norm(scene.gravity)))
-        kinds.append(Kind(table, shape, model, resolve(table.fidelity)))
+        scale = Scale(scene.tolerance, scene.duration)
+        model, choice = model_at_level(shape, model, surroundings, table.fidelity, scale, cache_directory() / "pilots")
+        kinds.append(Kind(table, shape, model, choice))
     return Plan(scene, tuple(kinds), surroundings, tuple(notes))
 
 
@@ -153,7 +163,7 @@ def ensemble_of(plan: Plan, device: Any = "cpu", threads: int | None = None) -> 
     groups = []
     for kind in plan.kinds:
         key = random_key(kind.table.name)
-        groups.append(Group(kind.model, emit(kind.table.emitter, kind.table.count, plan.scene.seed, key), key))
+        groups.append(Group(kind.model, emit(kind.table.emitter, kind.table.count, plan.scene.seed, key), key, kind.level))
     return Ensemble(groups, plan.surroundings, plan.scene.fps, device, plan.scene.seed, threads)
 
 

@@ -42,7 +42,7 @@ def expected_substeps(kind: Kind, fps: float, gravity: float) -> float:
 
 def kind_line(kind: Kind, surroundings: Surroundings) -> str:
     """One kind of body in a line: what it is and at which fidelity it moves."""
-    chosen = " (auto)" if kind.table.fidelity == "auto" else ""
+    chosen = f" (auto: {kind.choice.reason})" if kind.table.fidelity == "auto" else ""
     direction = "rises" if kind.model.net_weight < 0.0 else "falls"
     speed = broadside_speed(kind, float(np.linalg.norm(surroundings.gravity)))
     return (

@@ -6,8 +6,8 @@ import pytest
 from tests.bodies import ideal_body, model_in, random_orientations, rotate_back, started, trajectory
 from warp_immersed import library
 from warp_immersed.device_state import Group, Surroundings
-from warp_immersed.ensemble import MOVING
 from warp_immersed.fluid import AIR, WATER
+from warp_immersed.kernels.rigid_body import MOVING
 from warp_immersed.turbulence import HomogeneousTurbulence
 
 ARGUMENTS = {"ellipsoid": {"semi_axes": (0.04, 0.02, 0.01)}, "sheet": {"outline": [(0, 0), (0.1, 0), (0.1, 0.05), (0, 0.06)]}}
