@@ -14,7 +14,7 @@ from warp_immersed.kernels.langevin import as_floats, as_vector, half_curl, loca
 from warp_immersed.kernels.rigid_body import FAILED, LANDED, MOVING, SETTLING, WAITING, momenta, velocities
 from warp_immersed.kernels.runge_kutta import MOST_SUBSTEPS, SUBSTEP_CRITERION, compensated_sum, is_finite, runge_kutta_4
 from warp_immersed.kernels.sampling import FlowField
-from warp_immersed.kernels.state_rates import kirchhoff_state_rates, quasi_steady_state_rates
+from warp_immersed.kernels.state_rates import kirchhoff_state_rates, plates_state_rates, quasi_steady_state_rates
 
 wp.set_module_options({"enable_backward": False})
 
@@ -47,6 +47,7 @@ def frame_kernel(name, rates):
     def advance(
         first: wp.int32,
         kinds: wp.array(dtype=Any),
+        plates: wp.array(dtype=Any),
         environments: wp.array(dtype=Any),
         flow: FlowField,
         supports: wp.array(dtype=Any),
@@ -144,12 +145,14 @@ def frame_kernel(name, rates):
                     left = interval
                     while left > zero:
                         turn = wp.quat_rotate_inv(q, turning)
-                        dp, dl, da, r, w, speed, spin = rates(kind, p, l, q, lift, gravity, turn)
+                        dp, dl, da, r, w, speed, spin = rates(kind, plates, p, l, q, lift, gravity, turn)
                         # the gust that the rest of the interval brings counts as speed
                         rate = fastest_rate(kind, speed + wp.length(gust) * left, spin)
                         pieces = wp.max(wp.ceil(left * rate / type(left)(SUBSTEP_CRITERION)), type(left)(1.0))
                         h = left / pieces
-                        p_next, l_next, q_next, lift, moved = step_state(kind, p, l, q, lift, gravity, turn, h, dp, dl, da, r, w)
+                        p_next, l_next, q_next, lift, moved = step_state(
+                            kind, plates, p, l, q, lift, gravity, turn, h, dp, dl, da, r, w
+                        )
                         elapsed = interval - left
                         moved += (air + gust * (elapsed + h * type(h)(0.5))) * h
                         count += 1
@@ -248,6 +251,7 @@ def frame_kernel(name, rates):
 
 advance_kirchhoff = frame_kernel("advance_kirchhoff", kirchhoff_state_rates)
 advance_quasi_steady = frame_kernel("advance_quasi_steady", quasi_steady_state_rates)
+advance_plates = frame_kernel("advance_plates", plates_state_rates)
 
 
 @wp.kernel

@@ -120,6 +120,7 @@ def point_kernel(name, start, advance_state, full_velocity, has_inertia):
     def advance(
         first: wp.int32,
         kinds: wp.array(dtype=Any),
+        plates: wp.array(dtype=Any),
         environments: wp.array(dtype=Any),
         flow: FlowField,
         supports: wp.array(dtype=Any),

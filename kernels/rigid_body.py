@@ -23,18 +23,7 @@ def _structs(real):
     mat33 = wp.types.matrix((3, 3), real)
 
     @wp.struct
-    class BodyKind:
-        # mass + added mass, about the centre of mass, over the mass: p = M r + D w, l = D^T r + J w
-        linear_inertia: mat33  # M
-        coupling: mat33  # D
-        angular_inertia: mat33  # J
-        # blocks of the inverse: r = A p + B l, w = B^T p + C l
-        inverse_linear: mat33  # A
-        inverse_coupling: mat33  # B
-        inverse_angular: mat33  # C
-        net_weight: real  # 1 - rho V / m, what gravity keeps after buoyancy
-        buoyancy_arm: vec3  # -rho V / m times the centre of buoyancy [m]
-        # loads (aerodynamics.py)
+    class Loads:  # aerodynamics.py
         pressure_center: vec3  # where they act [m]
         drag_linear: vec3  # [1/s]
         drag_root: vec3  # [1/(m s)^(1/2)]
@@ -51,6 +40,28 @@ def _structs(real):
         damping_speed: vec3  # [m]
         damping_spin: vec3  # [m^2]
         damping_roll: real  # of the spin about the direction of flight [m]
+
+    @wp.struct
+    class Plate:
+        axes: mat33  # its axes as columns, in those of the body; the normal is the third
+        loads: Loads  # in its own axes
+
+    @wp.struct
+    class BodyKind:
+        # mass + added mass, about the centre of mass, over the mass: p = M r + D w, l = D^T r + J w
+        linear_inertia: mat33  # M
+        coupling: mat33  # D
+        angular_inertia: mat33  # J
+        # blocks of the inverse: r = A p + B l, w = B^T p + C l
+        inverse_linear: mat33  # A
+        inverse_coupling: mat33  # B
+        inverse_angular: mat33  # C
+        net_weight: real  # 1 - rho V / m, what gravity keeps after buoyancy
+        buoyancy_arm: vec3  # -rho V / m times the centre of buoyancy [m]
+        loads: Loads  # of the whole as one plate or solid
+        # plates of a body that is not flat (state_rates.py)
+        first_plate: wp.int32
+        plate_count: wp.int32
         # fastest rates, for the substep rule: linear + root * V^(1/2) + speed * V + spin * |w|
         rate_linear: real  # [1/s]
         rate_root: real  # [1/(m s)^(1/2)]
@@ -94,11 +105,11 @@ def _structs(real):
         ground_height: real  # [m]
         seed: wp.uint32
 
-    return BodyKind, Environment
+    return BodyKind, Plate, Environment
 
 
-BodyKind, Environment = _structs(wp.float32)
-BodyKind64, Environment64 = _structs(wp.float64)
+BodyKind, Plate, Environment = _structs(wp.float32)
+BodyKind64, Plate64, Environment64 = _structs(wp.float64)
 
 
 @wp.func

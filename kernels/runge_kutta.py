@@ -47,6 +47,7 @@ def runge_kutta_4(rates):
     @wp.func
     def step(
         kind: Any,
+        plates: wp.array(dtype=Any),
         p: Any,
         l: Any,
         q: Any,
@@ -71,15 +72,19 @@ def runge_kutta_4(rates):
         dq1 = orientation_rate(q, w)
         dx = wp.quat_rotate(q, r) * sixth
         q_stage = q + dq1 * half
-        dp2, dl2, da2, r, w, speed, spin = rates(kind, p + dp1 * half, l + dl1 * half, q_stage, lift + da1 * half, gravity, turn)
+        dp2, dl2, da2, r, w, speed, spin = rates(
+            kind, plates, p + dp1 * half, l + dl1 * half, q_stage, lift + da1 * half, gravity, turn
+        )
         dq2 = orientation_rate(q_stage, w)
         dx += wp.quat_rotate(q_stage, r) * third
         q_stage = q + dq2 * half
-        dp3, dl3, da3, r, w, speed, spin = rates(kind, p + dp2 * half, l + dl2 * half, q_stage, lift + da2 * half, gravity, turn)
+        dp3, dl3, da3, r, w, speed, spin = rates(
+            kind, plates, p + dp2 * half, l + dl2 * half, q_stage, lift + da2 * half, gravity, turn
+        )
         dq3 = orientation_rate(q_stage, w)
         dx += wp.quat_rotate(q_stage, r) * third
         q_stage = q + dq3 * h
-        dp4, dl4, da4, r, w, speed, spin = rates(kind, p + dp3 * h, l + dl3 * h, q_stage, lift + da3 * h, gravity, turn)
+        dp4, dl4, da4, r, w, speed, spin = rates(kind, plates, p + dp3 * h, l + dl3 * h, q_stage, lift + da3 * h, gravity, turn)
         dq4 = orientation_rate(q_stage, w)
         dx += wp.quat_rotate(q_stage, r) * sixth
         return (

@@ -1,5 +1,6 @@
 """`BodyModel`: the numbers with which the device moves one kind of body (see kernels/rigid_body.py)."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,10 +11,12 @@ from scipy.optimize import brentq
 from warp_immersed.exact_tensors import shifted_tensor
 from warp_immersed.fluid import Fluid
 from warp_immersed.force_law import LoadCoefficients, quasi_steady_coefficients
+from warp_immersed.plates import Plate, plates_of
 from warp_immersed.resting import Resting, resting
 from warp_immersed.shape import Shape
 
 Array = NDArray[np.float64]
+Coefficient = Callable[[LoadCoefficients], Array | float]
 
 FRICTION_COEFFICIENT = 0.5
 
@@ -58,7 +61,8 @@ class BodyModel:
     inertia (6, 6): mass and added mass about the centre of mass, [[M, D], [D^T, J]] in [1, m, m^2];
     net_weight: 1 - rho V / m; buoyancy_arm (3,) [m]: -rho V / m times the centre of buoyancy; loads: per unit mass;
     settling_rate [1/s] and friction [m/s^2] of a body on the ground; bounding_radius [m]; eddy_size [m]: smaller eddies are
-    averaged out over the body; point: what is left of it without its attitude.
+    averaged out over the body; point: what is left of it without its attitude; plates: of a body that is not flat, their loads
+    per unit mass.
     """
 
     inertia: Array
@@ -72,6 +76,7 @@ class BodyModel:
     friction: float
     eddy_size: float
     point: PointModel
+    plates: tuple[Plate, ...] = ()
 
 
 def body_model(shape: Shape, fluid: Fluid, added_mass: Array, gravity: float) -> BodyModel:
@@ -80,6 +85,7 @@ def body_model(shape: Shape, fluid: Fluid, added_mass: Array, gravity: float) ->
     loads = specific_loads(quasi_steady_coefficients(shape, fluid), shape.mass)
     displaced = fluid.density * shape.volume / shape.mass
     net_weight = 1.0 - displaced
+    plates = tuple(replace(plate, loads=specific_loads(plate.loads, shape.mass)) for plate in plates_of(shape, fluid))
     radius = shape.bounding_radius
     pull = max(abs(net_weight) * gravity, 1e-6)
     return BodyModel(
@@ -87,7 +93,7 @@ def body_model(shape: Shape, fluid: Fluid, added_mass: Array, gravity: float) ->
         net_weight=net_weight,
         buoyancy_arm=-displaced * shape.center_of_buoyancy,
         loads=loads,
-        rates=substep_rates(inertia, loads, abs(net_weight) * gravity),
+        rates=substep_rates(inertia, loads, abs(net_weight) * gravity, plates),
         resting=resting(shape),
         bounding_radius=radius,
         # a rod of length R that topples about its end: rate^2 = 3 g / (2 R), slowed by the air it pushes away
@@ -95,6 +101,7 @@ def body_model(shape: Shape, fluid: Fluid, added_mass: Array, gravity: float) ->
         friction=float(FRICTION_COEFFICIENT * pull / inertia[0, 0]),
         eddy_size=2.0 * float(np.sqrt(shape.semi_axes[0] * shape.semi_axes[1])),
         point=point_model(inertia, loads, abs(net_weight) * gravity),
+        plates=plates,
     )
 
 
@@ -105,7 +112,7 @@ def without_lift(model: BodyModel, gravity: float) -> BodyModel:
         model.loads,
         lift=0.0, circulation=none, lift_lag=0.0, munk_cut_edge=0.0, munk_cut_swing=0.0, damping_roll=0.0,
     )  # fmt: skip
-    return replace(model, loads=loads, rates=substep_rates(model.inertia, loads, abs(model.net_weight) * gravity))
+    return replace(model, loads=loads, plates=(), rates=substep_rates(model.inertia, loads, abs(model.net_weight) * gravity))
 
 
 def point_model(inertia: Array, loads: LoadCoefficients, pull: float) -> PointModel:
@@ -136,39 +143,46 @@ def specific_loads(loads: LoadCoefficients, mass: float) -> LoadCoefficients:
     return LoadCoefficients(**divided)
 
 
-def substep_rates(inertia: Array, loads: LoadCoefficients, pull: float) -> SubstepRates:
+def substep_rates(inertia: Array, loads: LoadCoefficients, pull: float, plates: tuple[Plate, ...] = ()) -> SubstepRates:
     """Rates for the substep rule from the body's inertia (6, 6) and loads, both per unit mass; pull [m/s^2].
 
-    Drag and damping: largest eigenvalue of (inertia)^-1 (resistance), with the exponent of the speed as a factor.
-    Munk moment: the frequency or growth rate of a body that translates along axis j and turns about k,
-    V (m_j |m_j - m_i| / (m_i J_k))^(1/2) (Lamb, art. 124), over all axes.
+    Drag and damping: largest eigenvalue of (inertia)^-1 (resistance), with the exponent of the speed as a factor, summed
+    over the plates of a body that has some. Munk moment: the frequency or growth rate of a body that translates along axis j
+    and turns about k, V (m_j |m_j - m_i| / (m_i J_k))^(1/2) (Lamb, art. 124), over all axes.
     """
-    at = loads.pressure_center
+    surfaces = [(plate.axes, plate.loads) for plate in plates] or [(np.eye(3), loads)]
 
-    def rate_of(translation: Array | float, rotation: Array | float = 0.0) -> float:
-        resistance = shifted_tensor(np.diag(np.concatenate([np.full(3, 1.0) * translation, np.zeros(3)])), at)
-        resistance += np.diag(np.concatenate([np.zeros(3), np.full(3, 1.0) * rotation]))
+    def rate_of(translation: Coefficient, rotation: Coefficient = lambda _: 0.0) -> float:
+        resistance = np.zeros((6, 6))
+        for axes, load in surfaces:
+            own = np.zeros((6, 6))
+            own[:3, :3] = axes @ np.diag(np.full(3, 1.0) * translation(load)) @ axes.T
+            resistance += shifted_tensor(own, axes @ load.pressure_center)
+            resistance[3:, 3:] += axes @ np.diag(np.full(3, 1.0) * rotation(load)) @ axes.T
         return float(eigh(resistance, inertia, eigvals_only=True)[-1])
 
     lightest = 1.0 / np.diag(np.linalg.inv(inertia))
     mass, moment = lightest[:3], lightest[3:]
     munk = gyration = 0.0
+    circulation = np.sum([np.abs(axes) @ load.circulation for axes, load in surfaces], axis=0)
     for i in range(3):
         for j in range(3):
             k = 3 - i - j
             if i != j:
                 munk = max(munk, mass[j] * abs(inertia[j, j] - inertia[i, i]) / (mass[i] * moment[k]))
-                gyration = max(gyration, loads.circulation[k] / np.sqrt(mass[i] * mass[j]))
-    quadratic = np.maximum(loads.drag_quadratic, [0.0, 0.0, loads.drag_broadside])
+                gyration = max(gyration, circulation[k] / np.sqrt(mass[i] * mass[j]))
     speed = (
-        np.sqrt(munk) + 2.0 * rate_of(quadratic) + rate_of(loads.lift) + rate_of(0.0, loads.damping_speed + loads.damping_roll)
+        np.sqrt(munk)
+        + 2.0 * rate_of(lambda load: np.maximum(load.drag_quadratic, [0.0, 0.0, load.drag_broadside]))
+        + rate_of(lambda load: load.lift)
+        + rate_of(lambda _: 0.0, lambda load: load.damping_speed + load.damping_roll)
     )
-    speed = max(speed, loads.lift_lag)
-    linear = rate_of(loads.drag_linear, loads.damping_linear)
+    speed = max(speed, *(load.lift_lag for _, load in surfaces))
+    linear = rate_of(lambda load: load.drag_linear, lambda load: load.damping_linear)
     return SubstepRates(
         linear=linear,
-        root=1.5 * rate_of(loads.drag_root),
+        root=1.5 * rate_of(lambda load: load.drag_root),
         speed=float(speed),
-        spin=float(1.0 + gyration + 2.0 * rate_of(0.0, loads.damping_spin)),
+        spin=float(1.0 + gyration + 2.0 * rate_of(lambda _: 0.0, lambda load: load.damping_spin)),
         start=float(linear + np.sqrt(speed * pull / mass.min())),
     )

@@ -16,15 +16,16 @@ from warp_immersed.emitters import Emission
 from warp_immersed.errors import InputError
 from warp_immersed.fidelity import Level
 from warp_immersed.fluid import Fluid
-from warp_immersed.kernels.rigid_body import WAITING, BodyKind, BodyKind64, Environment, Environment64
+from warp_immersed.kernels.rigid_body import WAITING, BodyKind, BodyKind64, Environment, Environment64, Plate, Plate64
+from warp_immersed.plates import MOST_PLATES
 from warp_immersed.seen_turbulence import decay_over, seen_turbulence, step_average
 from warp_immersed.turbulence import LARGEST_C0, STILL, HomogeneousTurbulence, lagrangian_time_scale
 from warp_immersed.turbulence_grid import TurbulenceGrid, far_field
 
 Precision = Literal["float32", "float64"]
-STRUCTS: dict[Precision, tuple[Any, Any]] = {
-    "float32": (BodyKind, Environment),
-    "float64": (BodyKind64, Environment64),
+STRUCTS: dict[Precision, tuple[Any, Any, Any]] = {
+    "float32": (BodyKind, Plate, Environment),
+    "float64": (BodyKind64, Plate64, Environment64),
 }
 
 # The seen wind is renewed at least this often within its time scale T_L, so that its straight pieces keep its dispersion.
@@ -65,8 +66,9 @@ class Surroundings:
 class DeviceState:
     """Arguments of the frame kernel, in its order.
 
-    constants: kinds, environment, flow, supports, rests, clock; schedule (when each body is released, and its ground) and
-    evolving: one entry a body; outputs: two sets of arrays by the kernel's argument names.
+    constants: kinds, plates, environment, flow, supports, rests, clock; schedule (when each body is released, and its ground)
+    and evolving: one entry a body, the last two being alternatives for bodies of one plate and of several; outputs: two sets
+    of arrays by the kernel's argument names.
     """
 
     constants: list[Any]
@@ -94,13 +96,15 @@ def allocate(
     precision: Precision,
 ) -> DeviceState:
     """Put an ensemble on a device, its bodies waiting for their release. emission: of all groups, one after the other."""
-    kind_struct, environment_struct = STRUCTS[precision]
+    kind_struct, plate_struct, environment_struct = STRUCTS[precision]
     scalar = environment_struct.vars["wind_step"].type
     vec3 = environment_struct.vars["gravity"].type
     quaternion = wp.types.quaternion(scalar)
+    plate_lifts = wp.types.vector(3 * MOST_PLATES, scalar)
     bodies = len(emission.positions)
     counts = [len(group.emission.positions) for group in groups]
     environment = environment_values(surroundings, 1.0 / fps, seed)
+    plates = plate_values(groups)
     kinds, supports, rests = kind_values(groups, np.cumsum([0, *counts]), surroundings, environment["wind_step"])
     rounded = emission.positions.astype(np.float32 if precision == "float32" else np.float64)
     release_frame, release_fraction = release_frames(emission.release_times, fps)
@@ -130,6 +134,7 @@ def allocate(
     return DeviceState(
         constants=[
             array([filled(kind_struct, values) for values in kinds], kind_struct),
+            array([filled(plate_struct, values) for values in plates], plate_struct),
             array([filled(environment_struct, environment)], environment_struct),
             device_flow(surroundings, device),
             array(supports, vec3),
@@ -154,6 +159,8 @@ def allocate(
             empty(vec3),
             empty(vec3),
             empty(vec3),
+            # lift of up to four plates; the arrays of bodies that have one are above
+            wp.zeros(bodies if any(g.model.plates for g in groups) else 1, dtype=plate_lifts, device=device),
         ],
         outputs=(outputs[0], outputs[1]),
         clock=clock,
@@ -165,8 +172,10 @@ def filled(struct: Any, values: Mapping[str, Any]) -> Any:
     """A Warp struct with its fields set from numbers and arrays of the right size."""
     instance = struct()
     for name, variable in struct.vars.items():
-        value = np.ravel(values[name]).tolist()
-        setattr(instance, name, variable.type(*value))
+        if isinstance(values[name], Mapping):
+            setattr(instance, name, filled(variable.type, values[name]))
+        else:
+            setattr(instance, name, variable.type(*np.ravel(values[name]).tolist()))
     return instance
 
 
@@ -243,6 +252,7 @@ def kind_values(
     supports, rests = [group.model.resting.supports for group in groups], [group.model.resting.rests for group in groups]
     first_support = np.cumsum([0, *(len(s) for s in supports)])
     first_rest = np.cumsum([0, *(len(r) for r in rests)])
+    first_plate = np.cumsum([0, *(len(group.model.plates) for group in groups)])
     for i, group in enumerate(groups):
         model = group.model
         inverse = np.linalg.inv(model.inertia)
@@ -257,8 +267,9 @@ def kind_values(
                 "inverse_angular": inverse[3:, 3:],
                 "net_weight": model.net_weight,
                 "buoyancy_arm": model.buoyancy_arm,
-                **vars(model.loads),
-                "munk_mass": np.diag(model.inertia)[:3],
+                "loads": {**vars(model.loads), "munk_mass": np.diag(model.inertia)[:3]},
+                "first_plate": first_plate[i],
+                "plate_count": len(model.plates),
                 **{f"rate_{name}": rate for name, rate in vars(model.rates).items()},
                 "eddy_size": model.eddy_size,
                 "wind_sigma": seen.velocity_rms,
@@ -284,6 +295,19 @@ def kind_values(
         )
     # Warp refuses arrays without elements
     return kinds, np.concatenate(supports), np.concatenate([*rests, np.zeros((1, 3))])
+
+
+def plate_values(groups: Sequence[Group]) -> list[dict[str, Any]]:
+    """Fields of the Plate struct for all plates of all groups; one that is not used where there are none."""
+    values = []
+    for group in groups:
+        model = group.model
+        added = np.diag(model.inertia)[:3]
+        for plate in model.plates:
+            munk_mass = [0.0, 0.0, float(plate.share @ (added - added.min()))]
+            values.append({"axes": plate.axes, "loads": {**vars(plate.loads), "munk_mass": munk_mass}})
+    # Warp refuses arrays without elements
+    return values or [{"axes": np.eye(3), "loads": {**vars(groups[0].model.loads), "munk_mass": np.zeros(3)}}]
 
 
 def release_frames(times: NDArray[Any], fps: float) -> tuple[NDArray[np.int32], NDArray[np.float64]]:

@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 from warp_immersed.device_state import Group, Precision, Surroundings, allocate
 from warp_immersed.emitters import Emission
 from warp_immersed.errors import InputError
-from warp_immersed.fidelity import Level
 from warp_immersed.frame_stepper import CpuStepper, CudaStepper, Outputs, available_threads
 from warp_immersed.kernels import ground, integrate, point_mass
 from warp_immersed.kernels.rigid_body import MOVING, WAITING
 from warp_immersed.kernels.runge_kutta import MOST_SUBSTEPS
 
-KERNELS: dict[Level, wp.Kernel] = {
+KERNELS: dict[str, wp.Kernel] = {
     "drift": point_mass.advance_drift,
     "point": point_mass.advance_point,
     "kirchhoff": integrate.advance_kirchhoff,
     "quasi_steady": integrate.advance_quasi_steady,
+    "plates": integrate.advance_plates,
 }
 
 
@@ -79,7 +79,7 @@ class Ensemble:
                 )
         emissions = [group.emission for group in groups]
         self._initial = Emission(*(np.concatenate([getattr(e, name) for e in emissions]) for name in vars(emissions[0])))
-        self._runs = level_runs(groups)
+        self._runs = law_runs(groups)
         self._fps = fps
         self._real = np.dtype(precision)
         self._device = wp.get_device(device)
@@ -131,20 +131,21 @@ class Ensemble:
                 wp.launch(
                     ground.find_ground,
                     dim=count,
-                    inputs=[first, state.constants[1], wp.uint64(state.ground_mesh.id), *state.evolving[:2]],
+                    inputs=[first, state.constants[2], wp.uint64(state.ground_mesh.id), *state.evolving[:2]],
                     outputs=state.schedule[-2:],
                     device=self._device,
                     record_cmd=record,
                 )
             )
-        for level, start, end in self._runs:
+        for law, start, end in self._runs:
             lower, upper = max(first, start), min(first + count, end)
+            lift = state.evolving[-1 if law == "plates" else -2]
             if lower < upper:
                 launches.append(
                     wp.launch(
-                        KERNELS[level],
+                        KERNELS[law],
                         dim=upper - lower,
-                        inputs=[lower, *state.constants, *state.schedule, *state.evolving],
+                        inputs=[lower, *state.constants, *state.schedule, *state.evolving[:-2], lift],
                         outputs=list(outputs.values()),
                         device=self._device,
                         record_cmd=record,
@@ -181,14 +182,14 @@ class Ensemble:
         )
 
 
-def level_runs(groups: Sequence[Group]) -> list[tuple[Level, int, int]]:
-    """Stretches of bodies of one level: (level, first body, first body after it)."""
-    runs: list[tuple[Level, int, int]] = []
+def law_runs(groups: Sequence[Group]) -> list[tuple[str, int, int]]:
+    """Stretches of bodies that one kernel moves: (its law, first body, first body after it)."""
+    runs: list[tuple[str, int, int]] = []
     end = 0
     for group in groups:
+        law = "plates" if group.level == "quasi_steady" and group.model.plates else group.level
         start, end = end, end + len(group.emission.positions)
-        if runs and runs[-1][0] == group.level:
-            runs[-1] = (group.level, runs[-1][1], end)
-        else:
-            runs.append((group.level, start, end))
+        if runs and runs[-1][0] == law:
+            start = runs.pop()[1]
+        runs.append((law, start, end))
     return runs

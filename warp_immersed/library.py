@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warp_immersed import leaf_outlines
 from warp_immersed.errors import InputError
+from warp_immersed.mass_properties import PointMass
 from warp_immersed.shape import Shape, require_positive
 from warp_immersed.sheet_mesh import ellipse_mesh, outline_mesh, rectangle_mesh
 
@@ -135,8 +136,15 @@ def samara(length: float = 0.04, thickness: float = 1e-4, density: float = 700.0
     return Shape.from_mesh(mesh, density, face_thickness).colored((0.40, 0.26, 0.10))
 
 
-def paper_airplane(length: float = 0.28, span: float = 0.20, thickness: float = 1e-4, density: float = 800.0) -> Shape:
-    """A dart folded from one sheet: two wings and a keel that meet at a crease, its layers thickest at the nose."""
+def paper_airplane(
+    length: float = 0.28, span: float = 0.20, thickness: float = 1e-4, density: float = 800.0, nose_mass: float = 1e-3
+) -> Shape:
+    """A dart folded from one sheet: two wings and a keel that meet at a crease, its layers thickest along it.
+
+    nose_mass [kg]: a clip on its nose, which trims it: with 1 g it glides, without it stalls, with more it dives.
+    """
+    if not (np.isfinite(nose_mass) and nose_mass >= 0.0):
+        raise InputError(f"nose_mass: found {nose_mass!r}, must be a mass [kg] >= 0")
     for name, value in (("length", length), ("span", span), ("thickness", thickness), ("density", density)):
         require_positive(name, value)
     nose, tail = np.array([0.5 * length, 0.0, 0.0]), np.array([-0.5 * length, 0.0, 0.0])
@@ -152,7 +160,8 @@ def paper_airplane(length: float = 0.28, span: float = 0.20, thickness: float = 
     mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, visual=trimesh.visual.TextureVisuals(uv=uv), process=False)
     center = mesh.triangles.mean(axis=1)
     layers = np.where(np.abs(center[:, 1]) < 1e-9, 4.0, np.where(np.abs(center[:, 1]) < span / 8.0, 3.0, 1.0))
-    return Shape.from_mesh(mesh, density, thickness * layers).colored(PAPER_WHITE)
+    clip = [PointMass(nose_mass, (0.46 * length, 0.0, -0.01 * span))] if nose_mass > 0.0 else []
+    return Shape.from_mesh(mesh, density, thickness * layers, clip).colored(PAPER_WHITE)
 
 
 SHAPES: dict[str, Callable[..., Shape]] = {
