@@ -1,7 +1,7 @@
 """Fluid loads on a body: drag, lagged circulatory lift, rotational damping, and what separation takes of the Munk moment.
 
 The plate law of Andersen, Pesavento & Wang, J. Fluid Mech. 541 (2005) 65, carried over to three dimensions (the lift
-plane is that of the velocity and the plate's normal z; drag depends on the angle through the squares of the direction
+plane is that of the velocity and the plate's normal z; drag depends on the angle through the direction
 cosines; each axis has its own damping), with three changes that measured paper disks ask for: the lift follows its
 quasi-steady value with a lag, dies out at small Reynolds numbers, and the Munk moment is cut because the centre of
 pressure of separated flow lies near the middle. Per unit mass, in body axes, acting at the centre of pressure.
@@ -54,11 +54,13 @@ def quasi_steady_load(kind: Any, velocity: Any, angular_velocity: Any, lift: Any
     drag_y = kind.drag_root[1] * root + kind.drag_quadratic[1] * speed
     drag_z = wp.max(kind.drag_root[2] * root + kind.drag_quadratic[2] * speed, kind.drag_broadside * speed - kind.drag_linear[2])
     drag = (drag_x * square[0] + drag_y * square[1] + drag_z * square[2]) * inverse_squared
+    normal = local[2]
+    drag += kind.drag_oblique * wp.abs(normal) * (type(speed)(1.0) - wp.abs(normal) * speed * inverse_squared)
 
     # the quasi-steady lift: translational, normal to the velocity in the plane of velocity and normal, and rotational
-    normal = local[2]
     # V^3 / (V^3 + onset^3), over V
     onset = speed_squared / wp.max(speed_squared * speed + kind.lift_onset_cubed, type(speed)(SMALLEST_SQUARE))
+    broadside = square[2] * inverse_squared  # 1 broadside on, 0 edge-on
     strength = onset * kind.lift * normal
     target = wp.cross(wp.cw_mul(kind.circulation, angular_velocity), local) * (onset * speed) + type(local)(
         strength * normal * local[0], strength * normal * local[1], -strength * (square[0] + square[1])
@@ -73,10 +75,11 @@ def quasi_steady_load(kind: Any, velocity: Any, angular_velocity: Any, lift: Any
 
     force = acting - drag * local - wp.cw_mul(kind.drag_linear, local)
     spin = wp.length(angular_velocity)
-    damping = kind.damping_linear + speed * kind.damping_speed + spin * kind.damping_spin
+    oblique = type(speed)(4.0) * broadside * (type(speed)(1.0) - broadside)
+    damping = kind.damping_linear + speed * (kind.damping_speed + oblique * kind.damping_oblique) + spin * kind.damping_spin
     roll = kind.damping_roll * (angular_velocity[0] * local[0] + angular_velocity[1] * local[1])
     roll *= speed * inverse_squared
-    cut = kind.munk_cut_edge + kind.munk_cut_swing * square[2] * inverse_squared
+    cut = kind.munk_cut_edge + kind.munk_cut_swing * broadside
     torque = (
         wp.cross(kind.pressure_center, force)
         - wp.cw_mul(damping, angular_velocity - air_rotation)

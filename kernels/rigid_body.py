@@ -28,6 +28,7 @@ def _structs(real):
         drag_linear: vec3  # [1/s]
         drag_root: vec3  # [1/(m s)^(1/2)]
         drag_quadratic: vec3  # [1/m]
+        drag_oblique: real  # [1/m], at angles between edge-on and broadside
         drag_broadside: real  # [1/m], least quadratic drag along z
         lift: real  # [1/m]
         circulation: vec3  # [1]
@@ -38,6 +39,7 @@ def _structs(real):
         munk_cut_swing: real  # ... and how much more broadside
         damping_linear: vec3  # [m^2/s]
         damping_speed: vec3  # [m]
+        damping_oblique: vec3  # [m]
         damping_spin: vec3  # [m^2]
         damping_roll: real  # of the spin about the direction of flight [m]
 

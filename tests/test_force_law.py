@@ -54,7 +54,7 @@ def test_disk_drag_follows_clift_grace_and_weber(reynolds: float) -> None:
 
 def test_edge_on_drag_is_small_and_broadside_drag_large() -> None:
     shape = library.disk(0.04, 1e-4, 800.0)
-    assert drag(shape, AIR, 1.0, 0) < 0.3 * drag(shape, AIR, 1.0, 2)
+    assert drag(shape, AIR, 1.0, 0) < 0.25 * drag(shape, AIR, 1.0, 2)
 
 
 def test_compact_bodies_have_no_plate_loads() -> None:

@@ -110,7 +110,8 @@ def without_lift(model: BodyModel, gravity: float) -> BodyModel:
     none = np.zeros(3)
     loads = replace(
         model.loads,
-        lift=0.0, circulation=none, lift_lag=0.0, munk_cut_edge=0.0, munk_cut_swing=0.0, damping_roll=0.0,
+        drag_oblique=0.0, lift=0.0, circulation=none, lift_lag=0.0, munk_cut_edge=0.0, munk_cut_swing=0.0,
+        damping_oblique=none, damping_roll=0.0,
     )  # fmt: skip
     return replace(model, loads=loads, plates=(), rates=substep_rates(model.inertia, loads, abs(model.net_weight) * gravity))
 
@@ -173,9 +174,9 @@ def substep_rates(inertia: Array, loads: LoadCoefficients, pull: float, plates: 
                 gyration = max(gyration, circulation[k] / np.sqrt(mass[i] * mass[j]))
     speed = (
         np.sqrt(munk)
-        + 2.0 * rate_of(lambda load: np.maximum(load.drag_quadratic, [0.0, 0.0, load.drag_broadside]))
+        + 2.0 * rate_of(lambda load: np.maximum(load.drag_quadratic, [0.0, 0.0, load.drag_broadside]) + 0.25 * load.drag_oblique)
         + rate_of(lambda load: load.lift)
-        + rate_of(lambda _: 0.0, lambda load: load.damping_speed + load.damping_roll)
+        + rate_of(lambda _: 0.0, lambda load: load.damping_speed + load.damping_oblique + load.damping_roll)
     )
     speed = max(speed, *(load.lift_lag for _, load in surfaces))
     linear = rate_of(lambda load: load.drag_linear, lambda load: load.damping_linear)

@@ -82,6 +82,7 @@ def attached(loads: LoadCoefficients, flat: Shape, fluid: Fluid) -> LoadCoeffici
     return replace(
         loads,
         drag_quadratic=drag,
+        drag_oblique=0.0,
         munk_cut_edge=ATTACHED_MUNK_CUT,
         munk_cut_swing=loads.munk_cut_edge + loads.munk_cut_swing - ATTACHED_MUNK_CUT,
         damping_speed=loads.damping_speed + 0.25 * loads.lift * np.array([b**2, a**2, 0.0]),

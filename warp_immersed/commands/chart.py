@@ -5,19 +5,21 @@ from typing import Annotated
 
 import typer
 
+from warp_immersed.commands.console import start_warp
 from warp_immersed.commands.output import check_folder
 from warp_immersed.errors import InputError
 
 
 def chart(
-    name: Annotated[str, typer.Argument(help="field (needs a bake file), turbulence-sources or added-mass-failures.")],
-    source: Annotated[Path | None, typer.Argument(help="What to draw, where the chart needs it.")] = None,
+    name: Annotated[str, typer.Argument(help="field (needs a bake file), regimes, turbulence-sources or added-mass-failures.")],
+    source: Annotated[Path | None, typer.Argument(help="A bake file (field), or measured points (regimes).")] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="A .png file. [default: NAME.png]")] = None,
+    shape: Annotated[str | None, typer.Option(help="Library shape for regimes. [default: a disk]")] = None,
     at: Annotated[float | None, typer.Option("--time", help="Snapshot of a flow in time, s. [default: the last]")] = None,
 ) -> None:
     """Draw a figure (needs the extra: pip install warp-immersed[charts])."""
     path = output or Path(f"{name}.png")
-    names = ("field", "turbulence-sources", "added-mass-failures")
+    names = ("field", "regimes", "turbulence-sources", "added-mass-failures")
     if name not in names:
         raise InputError(f"chart: found {name!r}, must be one of {', '.join(names)}")
     check_folder(path)
@@ -29,6 +31,11 @@ def chart(
             if source is None:
                 raise InputError("chart field: missing the bake file (.h5) to draw")
             chart_field(source, path, at)
+        elif name == "regimes":
+            from warp_immersed.charts.regimes import chart_regimes
+
+            start_warp()
+            typer.echo(chart_regimes(path, source, shape))
         elif name == "added-mass-failures":
             from warp_immersed.charts.added_mass import chart_failures
 
