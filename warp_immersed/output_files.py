@@ -20,7 +20,12 @@ def partial_path(path: Path) -> Path:
 
 def parts_folder(path: Path) -> Path:
     """The folder beside a file that holds the files it refers to."""
-    return path.with_name(f"{path.stem}.parts")
+    return path.with_name(f"{path.name}.parts")
+
+
+def partial_parts(path: Path) -> Path:
+    """Where that folder is until it is whole."""
+    return path.with_name(f".{path.name}.partial.parts")
 
 
 def start_parts(path: Path) -> Path:
@@ -32,7 +37,7 @@ def start_parts(path: Path) -> Path:
     parts = parts_folder(path)
     if parts.exists() and not holds_parts(parts):
         raise InputError(f"output {str(path)!r}: its parts go to {parts.name!r}, where something else is; move that away")
-    folder = hidden_beside(path, "partial", ".parts")
+    folder = partial_parts(path)
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     return folder
@@ -50,7 +55,7 @@ def publish(path: Path) -> None:
     A file with parts cannot be replaced in one stroke: the old one goes first, so that a file and parts that do not belong
     together are never seen.
     """
-    folder, parts = hidden_beside(path, "partial", ".parts"), parts_folder(path)
+    folder, parts = partial_parts(path), parts_folder(path)
     if folder.is_dir():
         path.unlink(missing_ok=True)
         shutil.rmtree(parts, ignore_errors=True)
@@ -65,11 +70,11 @@ def publish(path: Path) -> None:
 def discard(path: Path) -> None:
     """Remove what was written of a file that will not be whole."""
     partial_path(path).unlink(missing_ok=True)
-    shutil.rmtree(hidden_beside(path, "partial", ".parts"), ignore_errors=True)
+    shutil.rmtree(partial_parts(path), ignore_errors=True)
 
 
 def written_size(path: Path) -> int:
     """Bytes of an output, the parts it refers to included."""
     parts = parts_folder(path)
-    files = [path, *(parts.iterdir() if path.suffix.startswith(".usd") and parts.is_dir() else [])]
+    files = [path, *(parts.iterdir() if parts.is_dir() else [])]
     return sum(file.stat().st_size for file in files)

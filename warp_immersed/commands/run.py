@@ -112,8 +112,9 @@ def check_options(path: Path, options: ExportOptions, resume: bool, compress: bo
         raise InputError(f"output {str(path)!r}: a recording takes no options of USD; give them to warp-immersed export")
     for name, given in (("--resume", resume), ("--compress", compress)):
         if given and path.suffix != ".h5":
+            recording = f"{path.stem}.h5"
             raise InputError(
-                f"{name}: needs a recording, found {str(path)!r}; run -o {path.stem}.h5, then export {path.stem}.h5 -o {path.name}"
+                f"{name}: needs a recording, found {str(path)!r}; run -o {recording}, then export {recording} -o {path.name}"
             )
 
 
