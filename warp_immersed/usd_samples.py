@@ -17,6 +17,8 @@ from warp_immersed.export_options import ExportOptions
 FRAMES_PER_SAVE = 24
 BYTES_PER_SAVE = 128_000_000
 
+DEGREES = 180.0 / np.pi
+
 Rows = slice | NDArray[np.int64]
 
 
@@ -89,29 +91,32 @@ def declare_samples(layer: Sdf.Layer, prim: Sdf.Path, options: ExportOptions) ->
 
 def stage_arrays(frame: Frame, rows: Rows, radius: float, options: ExportOptions) -> dict[str, Any]:
     """USD arrays of a frame, of the chosen bodies, in the stage's axes and units; radius [m] of the largest body."""
-    units = np.float32(options.units_per_meter)
-    positions = stage_vectors(frame.positions[rows], options) * units
+    units = options.units_per_meter
+    positions = stage_vectors(frame.positions[rows], options, units)
     by_axis = np.ascontiguousarray(positions.T)  # numpy reduces this way ten times faster
-    margin = units * radius * 1.001 + 1e-6 * np.abs(by_axis).max()
-    extent = np.stack([by_axis.min(axis=1) - margin, by_axis.max(axis=1) + margin])
+    lower, upper = by_axis.min(axis=1), by_axis.max(axis=1)
+    margin = units * radius * 1.001 + 1e-6 * max(np.abs(lower).max(), np.abs(upper).max())
     arrays = {
         "positions": vt_array(Vt.Vec3fArray, positions),
         "orientations": vt_array(Vt.QuathArray, stage_orientations(frame.orientations[rows], options).astype(np.float16)),
-        "extent": vt_array(Vt.Vec3fArray, extent),
+        "extent": vt_array(Vt.Vec3fArray, np.stack([lower - margin, upper + margin])),
     }
     if options.motion_blur:
-        arrays["velocities"] = vt_array(Vt.Vec3fArray, stage_vectors(frame.velocities[rows], options) * units)
-        turning = np.degrees(stage_vectors(frame.angular_velocities[rows], options))
+        arrays["velocities"] = vt_array(Vt.Vec3fArray, stage_vectors(frame.velocities[rows], options, units))
+        turning = stage_vectors(frame.angular_velocities[rows], options, DEGREES)
         arrays["angularVelocities"] = vt_array(Vt.Vec3fArray, turning)
     return arrays
 
 
-def stage_vectors(vectors: NDArray[Any], options: ExportOptions) -> NDArray[np.float32]:
-    """Vectors (N, 3) of the simulation, whose y is up, in the stage's axes."""
+def stage_vectors(vectors: NDArray[Any], options: ExportOptions, scale: float) -> NDArray[np.float32]:
+    """Vectors (N, 3) of the simulation, whose y is up, in the stage's axes, times `scale`."""
     vectors = np.asarray(vectors, dtype=np.float32)
     if options.up_axis == "y":
-        return vectors
-    return np.stack([vectors[:, 0], -vectors[:, 2], vectors[:, 1]], axis=1)
+        return vectors if scale == 1.0 else vectors * np.float32(scale)
+    turned = np.empty_like(vectors)
+    for axis, (source, sign) in enumerate(((0, 1.0), (2, -1.0), (1, 1.0))):
+        np.multiply(vectors[:, source], np.float32(sign * scale), out=turned[:, axis])
+    return turned
 
 
 def stage_orientations(quaternions: NDArray[Any], options: ExportOptions) -> NDArray[np.float32]:

@@ -79,7 +79,7 @@ class XformWriter:
         """
         self._range = [*self._range[:1], frame.index]
         time_code, layer = self._options.time_code(frame.index, self._fps), self._layer
-        positions = stage_vectors(frame.positions[self._rows], self._options) * np.float32(self._options.units_per_meter)
+        positions = stage_vectors(frame.positions[self._rows], self._options, self._options.units_per_meter)
         orientations = stage_orientations(frame.orientations[self._rows], self._options)
         for (translate, orient), position, (x, y, z, w) in zip(
             self._bodies, positions.tolist(), orientations.tolist(), strict=True
