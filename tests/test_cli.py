@@ -91,6 +91,39 @@ def test_export_gives_the_file_that_run_gives(scene, tmp_path) -> None:
     assert (tmp_path / "a.usdc").read_bytes() == (tmp_path / "b.usdc").read_bytes()
 
 
+def test_export_and_run_take_the_same_options(scene, tmp_path) -> None:
+    options = [
+        "--up-axis",
+        "z",
+        "--units",
+        "cm",
+        "--fps",
+        "48",
+        "--start-frame",
+        "101",
+        "--no-motion-blur",
+        "--chunk-frames",
+        "10",
+    ]
+    assert run("run", "coins.toml", "-o", "run.h5", "--compress", cwd=tmp_path).returncode == 0
+    result = run("run", "coins.toml", "-o", "a.usdc", *options, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    result = run("export", "run.h5", "-o", "out/a.usdc", *options, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "24 frames, 20 bodies" in result.stdout
+    for part in ("a.usdc", *(f"a.usdc.parts/{name}.usdc" for name in ("manifest", "clip_0000", "clip_0001", "clip_0002"))):
+        assert (tmp_path / part).read_bytes() == (tmp_path / "out" / part).read_bytes(), part
+    stage = Usd.Stage.Open(str(tmp_path / "a.usdc"))
+    assert UsdGeom.GetStageUpAxis(stage) == "Z"
+    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode(), stage.GetTimeCodesPerSecond()) == (101.0, 147.0, 48.0)
+    result = run(
+        "export", "run.h5", "-o", "b.usdz", "--frames", "5:10", "--bodies", "0:7", "--instancing", "xforms", cwd=tmp_path
+    )
+    assert result.returncode == 0, result.stderr
+    assert "5 frames, 7 bodies" in result.stdout
+    assert Usd.Stage.Open(str(tmp_path / "b.usdz")).GetEndTimeCode() == 10.0
+
+
 def test_info_describes_scene_and_installation(scene, tmp_path) -> None:
     result = run("info", cwd=tmp_path)
     assert result.returncode == 0
@@ -125,6 +158,14 @@ BAD_COMMANDS = [
     (["run", "coins.toml", "--sed", "5"], ["--sed"]),
     (["run"], ["scene"]),
     (["export", "missing.h5", "-o", "a.usdc"], ["no such file"]),
+    (["run", "coins.toml", "-o", "a.usdc", "--resume"], ["--resume: needs a recording", "export a.h5 -o a.usdc"]),
+    (["run", "coins.toml", "-o", "a.usdc", "--compress"], ["--compress: needs a recording"]),
+    (["run", "coins.toml", "-o", "a.h5", "--shards", "2"], ["a.h5", "no options of USD"]),
+    (["run", "coins.toml", "-o", "a.usdc", "--shards", "21"], ["shards: found 21", "20 bodies"]),
+    (["run", "coins.toml", "--shards", "2", "--chunk-frames", "5"], ["chunk frames and shards: exclude each other"]),
+    (["run", "coins.toml", "--up-axis", "x"], ["'x'", "'y', 'z'"]),
+    (["run", "coins.toml", "--count-scale", "200", "--instancing", "xforms"], ["at most 2000 bodies, here are 4000"]),
+    (["run", "coins.toml", "-o", "a.usdz", "--shards", "2"], ["a .usdz is one file"]),
     (["fly"], ["fly"]),
 ]
 
@@ -168,6 +209,25 @@ def test_a_full_disk_leaves_nothing_behind(scene, tmp_path, output) -> None:
 
     assert_refused(run("run", "coins.toml", "-o", output, cwd=tmp_path, preexec_fn=limit), "cannot write", output)
     assert [p.name for p in tmp_path.iterdir()] == ["coins.toml"]
+
+
+def test_resume_refuses_another_seed(scene, tmp_path) -> None:
+    assert run("run", "coins.toml", "-o", "a.h5", cwd=tmp_path).returncode == 0
+    before = (tmp_path / "a.h5").read_bytes()
+    result = run("run", "coins.toml", "-o", "a.h5", "--seed", "9", "--resume", cwd=tmp_path)
+    assert_refused(result, "a.h5", "cannot go on with another run: its seed is '0', not '9'")
+    assert (tmp_path / "a.h5").read_bytes() == before
+
+
+def test_parts_that_are_not_there_are_refused(scene, tmp_path) -> None:
+    assert run("run", "coins.toml", "-o", "a.h5", cwd=tmp_path).returncode == 0
+    for options, words in (
+        (["--frames", "30:40"], ["frames: found '30:40'", "0 to 23"]),
+        (["--bodies", "leaf"], ["bodies: found 'leaf'", "coin"]),
+        (["-o", "a.h5"], ["'.h5'", ".usdc"]),
+    ):
+        assert_refused(run("export", "a.h5", "-o", "b.usdc", *options, cwd=tmp_path), *words)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.h5", "coins.toml"]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends an interrupt")

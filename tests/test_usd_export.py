@@ -117,9 +117,11 @@ def test_shards_are_the_single_file_at_and_between_samples(recording, single, tm
         one, other = attributes_by_id(instancers, time), attributes_by_id([crowd_of(single)], time)
         for name, values in one.items():
             assert np.array_equal(values, other[name]), (name, time)
-        whole = np.array(crowd_of(single).GetExtentAttr().Get(time))
+        low, high = np.array(crowd_of(single).GetExtentAttr().Get(time))
         parts = np.array([instancer.GetExtentAttr().Get(time) for instancer in instancers])
-        assert np.allclose(np.stack([parts[:, 0].min(axis=0), parts[:, 1].max(axis=0)]), whole, atol=1e-4)
+        if time == round(time):  # between samples the smallest of interpolated bounds is not the interpolated smallest
+            assert np.allclose(parts[:, 0].min(axis=0), low, atol=1e-5)
+            assert np.allclose(parts[:, 1].max(axis=0), high, atol=1e-5)
         placed = np.concatenate([transforms(instancer, time) for instancer in instancers])
         assert np.array_equal(placed, transforms(crowd_of(single), time))
     for mesh in (UsdGeom.Mesh(prim) for prim in stage.TraverseAll() if prim.IsA(UsdGeom.Mesh)):

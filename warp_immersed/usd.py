@@ -1,5 +1,6 @@
 """USD out: one point instancer, in the encoding that Blender, Houdini, Maya and Omniverse all read."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from warp_immersed.export_options import ExportOptions
 from warp_immersed.mesh_normals import vertex_normals
 from warp_immersed.output_files import discard, partial_path, publish
 from warp_immersed.recording import Prototype
-from warp_immersed.usd_samples import SampleWriter, vt_array
+from warp_immersed.usd_samples import SampleWriter, save_layer, vt_array
 
 WORLD = Sdf.Path("/World")
 CROWD = WORLD.AppendChild("Crowd")
@@ -22,16 +23,15 @@ CROWD = WORLD.AppendChild("Crowd")
 Ids = NDArray[np.int64]
 
 
-class UsdWriter:
-    """Writes frames to a USD file as they come: beside the path, renamed to it when finished.
+class CrowdWriter(ABC):
+    """Writes frames to a USD file as they come: beside the path, renamed to it when finished. What all forms share.
 
     Args:
         path: a .usdc, .usda, .usd or .usdz file. prototypes, fps, manifest: as in `Recording`.
-        options: as they say, but for clips, shards and transforms, which have writers of their own.
-        ids: (n,) ascending, which bodies to write; all by default.
+        options: as they say. ids: (n,) ascending, which bodies to write; all by default.
 
     Raises:
-        InputError: another ending, or the disk is full or gone.
+        InputError: the options cannot make this file, or the disk is full or gone.
     """
 
     def __init__(
@@ -44,22 +44,59 @@ class UsdWriter:
         ids: Ids | None = None,
     ):
         self.path = path
-        self._options, self._fps = options, fps
-        self._range: list[int] = []
-        ids = all_ids(prototypes) if ids is None else ids
-        options.check_output(path, 0, len(ids))
-        self._partial = partial_path(path)
-        if path.suffix == ".usdz":
-            self._partial = self._partial.with_suffix(".usdc")
-        layer = new_layer(self._partial)
-        stage = Usd.Stage.Open(layer)
-        describe_stage(stage, fps, manifest, options)
-        define_world(stage)
-        create_crowd(stage, CROWD, prototypes, ids, options)
-        # from here on the layer alone is written: a stage would be told of every sample
-        del stage
-        self._samples = SampleWriter(layer, CROWD, path, rows_of(ids), largest_radius(prototypes), options, fps)
-        self._samples.save()
+        self.prototypes, self.fps, self.manifest, self.options = prototypes, fps, manifest, options
+        self.ids = np.arange(sum(prototype.count for prototype in prototypes)) if ids is None else ids
+        options.check_output(path, 0, len(self.ids))
+        self._first: int | None = None
+        self._last = 0
+        self._partial = partial_path(path).with_suffix(".usdc") if path.suffix == ".usdz" else partial_path(path)
+        self.root: Any = None
+        try:
+            self.root = new_layer(self._partial)
+            stage = Usd.Stage.Open(self.root)
+            self.describe(stage)
+            world = UsdGeom.Xform.Define(stage, WORLD)
+            Usd.ModelAPI(world.GetPrim()).SetKind(Kind.Tokens.assembly)
+            stage.SetDefaultPrim(world.GetPrim())
+            self._begin(stage)
+            # from here on the layer alone is written: a stage would be told of every sample
+            del stage
+            save_layer(self.root, path)
+        except BaseException:
+            self.abort()
+            raise
+
+    @abstractmethod
+    def _begin(self, stage: Usd.Stage) -> None:
+        """Put what does not move into the root."""
+
+    @abstractmethod
+    def _write(self, frame: Frame) -> None:
+        """Append a frame."""
+
+    @abstractmethod
+    def _end(self, first: int, last: int) -> None:
+        """All frames have come, first to last: complete all but the root's time range."""
+
+    def describe(self, stage: Usd.Stage) -> None:
+        """Units, axes, rates and where the file comes from."""
+        UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y if self.options.up_axis == "y" else UsdGeom.Tokens.z)
+        UsdGeom.SetStageMetersPerUnit(stage, 1.0 if self.options.units == "m" else UsdGeom.LinearUnits.centimeters)
+        stage.SetTimeCodesPerSecond(self.options.rate(self.fps))
+        stage.SetFramesPerSecond(self.options.rate(self.fps))
+        stage.GetRootLayer().customLayerData = {
+            "warp_immersed": {name: value for name, value in self.manifest.items() if isinstance(value, (str, int, float))}
+        }
+
+    def samples(self, layer: Sdf.Layer, prim: Sdf.Path, ids: Ids) -> SampleWriter:
+        """What writes the motion of these bodies to a prim of a layer."""
+        radius = max(prototype.radius for prototype in self.prototypes)
+        return SampleWriter(layer, prim, self.path, rows_of(ids), radius, self.options, self.fps)
+
+    def set_time_range(self, layer: Sdf.Layer, first: int, last: int) -> None:
+        """Start and end time code from the first and last frame."""
+        layer.startTimeCode = self.options.time_code(first, self.fps)
+        layer.endTimeCode = self.options.time_code(last, self.fps)
 
     def write(self, frame: Frame) -> None:
         """Append a frame.
@@ -67,8 +104,10 @@ class UsdWriter:
         Raises:
             InputError: the disk is full or gone.
         """
-        self._range = [*self._range[:1], frame.index]
-        self._samples.write(frame)
+        if self._first is None:
+            self._first = frame.index
+        self._last = frame.index
+        self._write(frame)
 
     def finish(self) -> None:
         """Set the time range, save, and give the file its name.
@@ -76,9 +115,11 @@ class UsdWriter:
         Raises:
             InputError: the disk is full or gone.
         """
-        set_time_range(self._samples.layer, self._range, self._options, self._fps)
-        self._samples.save()
-        del self._samples
+        first = self._first or 0
+        self._end(first, self._last)
+        self.set_time_range(self.root, first, self._last)
+        save_layer(self.root, self.path)
+        self.root = None
         if self.path.suffix == ".usdz":
             package(self._partial, self.path)
             self._partial.unlink()
@@ -86,19 +127,23 @@ class UsdWriter:
 
     def abort(self) -> None:
         """Leave nothing behind."""
-        vars(self).pop("_samples", None)
+        self.root = None
         self._partial.unlink(missing_ok=True)
         discard(self.path)
 
 
-def all_ids(prototypes: tuple[Prototype, ...]) -> Ids:
-    """The numbers of all bodies."""
-    return np.arange(sum(prototype.count for prototype in prototypes), dtype=np.int64)
+class UsdWriter(CrowdWriter):
+    """One file with one point instancer. Args, Raises: as `CrowdWriter`."""
 
+    def _begin(self, stage: Usd.Stage) -> None:
+        create_crowd(stage, CROWD, self.prototypes, self.ids, self.options)
+        self._samples = self.samples(self.root, CROWD, self.ids)
 
-def largest_radius(prototypes: tuple[Prototype, ...]) -> float:
-    """Radius [m] of the largest body."""
-    return max(prototype.radius for prototype in prototypes)
+    def _write(self, frame: Frame) -> None:
+        self._samples.write(frame)
+
+    def _end(self, first: int, last: int) -> None:
+        del self._samples
 
 
 def rows_of(ids: Ids) -> slice | Ids:
@@ -126,31 +171,6 @@ def package(layer: Path, target: Path) -> None:
         raise InputError(f"output {str(target)!r}: cannot write ({str(error).splitlines()[0]})") from error
     if not made:
         raise InputError(f"output {str(target)!r}: cannot write (no package was made)")
-
-
-def set_time_range(layer: Sdf.Layer, frames: list[int], options: ExportOptions, fps: float) -> None:
-    """Start and end time code from the first and last frame."""
-    first, last = (frames[0], frames[-1]) if frames else (0, 0)
-    layer.startTimeCode = options.time_code(first, fps)
-    layer.endTimeCode = options.time_code(last, fps)
-
-
-def describe_stage(stage: Usd.Stage, fps: float, manifest: Mapping[str, Any], options: ExportOptions) -> None:
-    """Units, axes, rates and where the file comes from."""
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y if options.up_axis == "y" else UsdGeom.Tokens.z)
-    UsdGeom.SetStageMetersPerUnit(stage, 1.0 if options.units == "m" else UsdGeom.LinearUnits.centimeters)
-    stage.SetTimeCodesPerSecond(options.rate(fps))
-    stage.SetFramesPerSecond(options.rate(fps))
-    stage.GetRootLayer().customLayerData = {
-        "warp_immersed": {name: value for name, value in manifest.items() if isinstance(value, (str, int, float))}
-    }
-
-
-def define_world(stage: Usd.Stage) -> None:
-    """The root prim."""
-    world = UsdGeom.Xform.Define(stage, WORLD)
-    Usd.ModelAPI(world.GetPrim()).SetKind(Kind.Tokens.assembly)
-    stage.SetDefaultPrim(world.GetPrim())
 
 
 def create_crowd(

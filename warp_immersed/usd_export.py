@@ -9,12 +9,10 @@ import numpy as np
 from warp_immersed.errors import InputError
 from warp_immersed.export_options import ExportOptions
 from warp_immersed.recording import Prototype, Recording
-from warp_immersed.usd import Ids, UsdWriter
+from warp_immersed.usd import CrowdWriter, Ids, UsdWriter
 from warp_immersed.usd_clips import ClipWriter
 from warp_immersed.usd_shards import ShardWriter
 from warp_immersed.usd_xforms import XformWriter
-
-AnyUsdWriter = UsdWriter | ClipWriter | ShardWriter | XformWriter
 
 
 def usd_writer(
@@ -24,13 +22,13 @@ def usd_writer(
     manifest: Mapping[str, Any],
     options: ExportOptions,
     ids: Ids | None = None,
-) -> AnyUsdWriter:
+) -> CrowdWriter:
     """The writer that makes what the options ask for.
 
     Raises:
         InputError: the options cannot make this file.
     """
-    writer: type[AnyUsdWriter] = UsdWriter
+    writer: type[CrowdWriter] = UsdWriter
     if options.chunk_frames is not None:
         writer = ClipWriter
     elif options.shards is not None:
