@@ -7,8 +7,9 @@ was being written. It is also the fastest way, one copy from the arrays to the s
 
 import os
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,57 @@ from numpy.typing import NDArray
 
 COMPRESSION_LEVEL = 4
 CHUNKS_AT_ONCE = 64
+
+
+class PatientFile:
+    """A file for HDF5 to write to that keeps the first error to itself: HDF5 does not survive a full disk, it tries again
+    from its destructors until the process dies."""
+
+    def __init__(self, path: Path):
+        self._file = path.open("w+b", buffering=0)
+        self.error: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        """Write all of it, or nothing any more after an error."""
+        left = memoryview(data)
+        try:
+            while left and self.error is None:
+                left = left[self._file.write(left) :]
+        except OSError as error:
+            self.error = error
+        return len(data)
+
+    def truncate(self, size: int | None = None) -> int:
+        """Set the file's length."""
+        try:
+            return self._file.truncate(size)
+        except OSError as error:
+            self.error = self.error or error
+            return size or 0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+
+@contextmanager
+def new_hdf5(path: Path) -> Iterator[Any]:
+    """An HDF5 file to be filled, in the oldest format that has what is used, so that readers need not be new.
+
+    Raises:
+        OSError: the disk is full or gone.
+    """
+    import h5py
+
+    file = PatientFile(path)
+    try:
+        with h5py.File(file, "w", libver=("v108", "v110"), track_order=True) as hdf5:
+            yield hdf5
+    except Exception as error:
+        raise (file.error or error) from None
+    finally:
+        file.close()
+    if file.error is not None:
+        raise file.error
 
 
 def allocated(chunks: tuple[int, ...] | None) -> Any:

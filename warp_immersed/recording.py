@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from warp_immersed.checkpoint import Checkpoint, check_same_run, checkpoint_path
 from warp_immersed.ensemble import Frame
 from warp_immersed.errors import InputError
-from warp_immersed.frame_file import FrameFile, create_frames, repack
+from warp_immersed.frame_file import FrameFile, create_frames, new_hdf5, repack
 from warp_immersed.output_files import hidden_beside, partial_path, publish
 from warp_immersed.shape import Shape
 
@@ -35,8 +34,6 @@ DATASETS = {
     "state": ("1", "0 waiting, 1 moving, 2 landed, 3 failed"),
 }
 TYPES = {"times": "<f8", "body_steps": "<i8", "state": "u1"}
-# the oldest format that has what is used, so that other programs' HDF5 need not be new
-LIBRARY_BOUNDS = ("v108", "v110")
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +211,7 @@ class RecordingWriter:
         partial, packed = partial_path(self.path), hidden_beside(self.path, "packed")
         try:
             if self._compress or self._done < self._frames:
-                with h5py.File(partial, "r") as source, h5py.File(packed, "w", libver=LIBRARY_BOUNDS, track_order=True) as target:
+                with h5py.File(partial, "r") as source, new_hdf5(packed) as target:
                     target.attrs.update(source.attrs)
                     repack(source, target, (*PER_FRAME, *DATASETS), self._done, self._compress)
                     source.copy("prototypes", target)
@@ -305,11 +302,9 @@ def reopen(
 
 def create_recording(path: Path, prototypes: tuple[Prototype, ...], fps: float, manifest: Mapping[str, Any], frames: int) -> None:
     """An HDF5 file with everything but the frames; the times of those that have not come are NaN."""
-    import h5py
-
     bodies = sum(prototype.count for prototype in prototypes)
     widths = {"orientations": (4,), "state": ()}
-    with h5py.File(path, "w", libver=LIBRARY_BOUNDS, track_order=True) as file:
+    with new_hdf5(path) as file:
         file.attrs.update({"schema": SCHEMA, "schema_version": SCHEMA_VERSION, "fps": fps, "manifest": json.dumps(manifest)})
         for name, (units, long_name) in (PER_FRAME | DATASETS).items():
             shape = (frames,) if name in PER_FRAME else (frames, bodies, *widths.get(name, (3,)))
@@ -335,11 +330,8 @@ def remove_traces(path: Path) -> None:
 
 
 def reason_of(error: Exception) -> str:
-    """What the system said, out of HDF5's account of where it heard it."""
-    said = re.search(r"error message = '([^']*)'", str(error))
-    if said:
-        return said.group(1)
-    return str(error.strerror or error) if isinstance(error, OSError) else str(error)
+    """What the system said, without the file's name."""
+    return error.strerror if isinstance(error, OSError) and error.strerror else str(error)
 
 
 def write_prototype(group: Any, prototype: Prototype) -> None:
