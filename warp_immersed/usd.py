@@ -147,9 +147,10 @@ class UsdWriter(CrowdWriter):
 
 
 def rows_of(ids: Ids) -> slice | Ids:
-    """The rows of these bodies in a frame's arrays, as a slice where they lie together: that copies nothing."""
-    first, last = int(ids[0]), int(ids[-1]) + 1
-    return slice(first, last) if last - first == len(ids) else ids
+    """The rows of these bodies in a frame's arrays, as a slice where they are evenly spaced: that copies nothing."""
+    step = int(ids[1] - ids[0]) if len(ids) > 1 else 1
+    even = slice(int(ids[0]), int(ids[-1]) + 1, step)
+    return even if (np.diff(ids) == step).all() else ids
 
 
 def new_layer(path: Path) -> Sdf.Layer:

@@ -1,6 +1,5 @@
 """USD in shards: the bodies of a big crowd over several files, each with its own point instancer, under one root."""
 
-import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from warp_immersed.ensemble import Frame
@@ -21,7 +20,9 @@ class ShardWriter(CrowdWriter):
         UsdGeom.Xform.Define(stage, CROWD)
         folder = start_parts(self.path)
         self._shards = []
-        for index, ids in enumerate(np.array_split(self.ids, self.options.shards or 1)):
+        count = self.options.shards or 1
+        for index in range(count):
+            ids = self.ids[index::count]  # every kind in every shard, so that all cost the same
             name = f"Crowd_{index:03d}"
             layer = new_layer(folder / f"{name}{self.path.suffix}")
             self._shards.append(self._begin_shard(layer, ids))
