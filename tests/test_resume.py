@@ -178,17 +178,25 @@ def unfinished(planned, tmp_path, monkeypatch) -> Path:
     return tmp_path / "shower.h5"
 
 
-@pytest.mark.parametrize(
-    "entry",
-    [{"seed": 5}, {"version": "0.0.1"}, {"device": "NVIDIA something"}, {"scene_digest": "0"}, {"data_digest": "0"}],
-    ids=lambda entry: next(iter(entry)),
-)
-def test_another_run_is_refused_and_nothing_is_touched(planned, whole, unfinished, entry) -> None:
-    name = next(iter(entry)).replace("_", " ")
-    with pytest.raises(wi.InputError, match=f"cannot go on with another run: its {name} is .* not .*without --resume"):
-        record(planned, unfinished, resume=True, **entry)
+def test_another_run_is_refused_and_nothing_is_touched(planned, whole, unfinished) -> None:
+    for key, value in {"seed": 5, "version": "0.0.1", "device": "NVIDIA", "scene_digest": "0", "data_digest": "0"}.items():
+        name = key.replace("_", " ")
+        with pytest.raises(wi.InputError, match=f"cannot go on with another run: its {name} is .* not .*without --resume"):
+            record(planned, unfinished, resume=True, **{key: value})
     record(planned, unfinished, resume=True)
     assert unfinished.read_bytes() == whole
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs locks on files")
+@pytest.mark.parametrize("resume", [False, True])
+def test_a_file_that_is_being_written_is_left_alone(planned, tmp_path, resume) -> None:
+    path = tmp_path / "shower.h5"
+    writer = start_recording(path, planned.prototypes, 24.0, {}, planned.scene.frame_count)
+    with pytest.raises(wi.InputError, match="another process is writing it"):
+        record(planned, path, resume)
+    assert partial_path(path).is_file()
+    writer.abort()
+    assert not list(tmp_path.iterdir())
 
 
 def test_an_unfinished_file_is_not_a_recording(unfinished) -> None:

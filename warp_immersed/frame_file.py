@@ -108,6 +108,7 @@ class FrameFile:
                 self._places[name] = frame_offsets(file[name])
                 self._types[name] = (file[name].dtype, file[name].shape[1:])
         self._file = path.open("r+b", buffering=0)
+        locked(self._file)
 
     def write(self, index: int, values: Mapping[str, Any]) -> None:
         """Put a frame into its place.
@@ -132,6 +133,29 @@ class FrameFile:
     def close(self) -> None:
         """Let the file go."""
         self._file.close()
+
+
+def locked(file: Any) -> bool:
+    """Take an open file for this process, until it closes it or ends; False if another has it. Only POSIX knows such locks."""
+    try:
+        import fcntl
+    except ImportError:
+        return True
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True  # a file system without locks
+    return True
+
+
+def is_being_written(path: Path) -> bool:
+    """Whether a process has this file open as a `FrameFile`."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return not locked(file)
 
 
 def frame_offsets(dataset: Any) -> NDArray[np.int64]:

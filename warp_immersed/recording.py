@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from warp_immersed.checkpoint import Checkpoint, check_same_run, checkpoint_path
 from warp_immersed.ensemble import Frame
 from warp_immersed.errors import InputError
-from warp_immersed.frame_file import FrameFile, create_frames, new_hdf5, repack
+from warp_immersed.frame_file import FrameFile, create_frames, is_being_written, new_hdf5, repack
 from warp_immersed.output_files import hidden_beside, partial_path, publish
 from warp_immersed.shape import Shape
 
@@ -240,8 +240,9 @@ def start_recording(
     """A writer for a new file with room for `frames` frames; what an unfinished run left there is removed.
 
     Raises:
-        InputError: the disk is full or gone.
+        InputError: another process writes it; the disk is full or gone.
     """
+    refuse_two_writers(path)
     try:
         remove_traces(path)
         create_recording(partial_path(path), prototypes, fps, manifest, frames)
@@ -257,8 +258,9 @@ def resume_recording(
     """A writer that goes on with an unfinished file, and where the run stood; a new file and None without a checkpoint.
 
     Raises:
-        InputError: what is there is of another run or damaged; the disk is full or gone.
+        InputError: what is there is of another run or damaged, or another process writes it; the disk is full or gone.
     """
+    refuse_two_writers(path)
     partial, mark = partial_path(path), checkpoint_path(path)
     if not mark.is_file():
         return start_recording(path, prototypes, fps, manifest, frames, compress), None
@@ -270,6 +272,16 @@ def resume_recording(
         return RecordingWriter(path, manifest, frames, compress, checkpoint.frame + 1), checkpoint
     except (OSError, KeyError, RuntimeError) as error:
         raise InputError(f"output {str(path)!r}: cannot go on ({reason_of(error)}); run without --resume") from error
+
+
+def refuse_two_writers(path: Path) -> None:
+    """Refuse an output that a running process is writing.
+
+    Raises:
+        InputError: there is one.
+    """
+    if is_being_written(partial_path(path)):
+        raise InputError(f"output {str(path)!r}: another process is writing it; wait for it, or end it")
 
 
 def is_finished(path: Path, manifest: Mapping[str, Any], frames: int) -> bool:
