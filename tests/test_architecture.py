@@ -31,7 +31,17 @@ FLOORS = [
         "boundaries",
         "poisson",
     },
-    {"checkpoint", "shape", "turbulence", "counter_random", "turbulence_grid", "flow_setup", "graded_mesh", "mesh_checks", "panel_solver"},
+    {
+        "checkpoint",
+        "shape",
+        "turbulence",
+        "counter_random",
+        "turbulence_grid",
+        "flow_setup",
+        "graded_mesh",
+        "mesh_checks",
+        "panel_solver",
+    },
     {
         "seen_turbulence",
         "library",
