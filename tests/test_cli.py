@@ -6,11 +6,13 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from pxr import Usd, UsdGeom
 
 import warp_immersed as wi
+from warp_immersed.output_files import partial_path
 from warp_immersed.recording import Recording
 
 ROOT = Path(__file__).parent.parent
@@ -187,6 +189,16 @@ def test_an_output_that_cannot_be_written_is_refused_first(scene, tmp_path) -> N
     assert_refused(run("run", "coins.toml", "-o", "file/a.usdc", cwd=tmp_path), "file/a.usdc", "cannot be written")
     (tmp_path / "folder.usdc").mkdir()
     assert_refused(run("run", "coins.toml", "-o", "folder.usdc", cwd=tmp_path), "is a folder")
+
+
+def test_what_an_unfinished_run_holds_of_the_disk_counts_as_free(tmp_path, monkeypatch) -> None:
+    from warp_immersed.commands import output
+
+    monkeypatch.setattr(output.shutil, "disk_usage", lambda _: SimpleNamespace(free=1_000_000))
+    with pytest.raises(wi.InputError, match="needs about 2 MB, the disk has 1 MB left"):
+        output.check_output(tmp_path / "a.h5", 400, 100, wi.ExportOptions())
+    partial_path(tmp_path / "a.h5").write_bytes(bytes(1_500_000))
+    output.check_output(tmp_path / "a.h5", 400, 100, wi.ExportOptions())
 
 
 @pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may write anywhere")

@@ -24,7 +24,7 @@ from warp_immersed.simulation import Plan, choose_device, ensemble_of, manifest_
 from warp_immersed.simulation import run as run_ensemble
 
 ROOT = Path(__file__).parent.parent
-# bodies that wait, fly in turbulence, bounce, topple and lie, on a plane
+# bodies that wait, fly in turbulence by several models, bounce, topple and lie, on a plane
 SCENE = """
 duration = 1.5
 fps = 24
@@ -40,11 +40,25 @@ count = 150
 shape = { library = "disk", diameter = 0.02 }
 thickness = 1e-3
 density = 2700.0
+fidelity = "quasi_steady"
 emitter = { kind = "box", center = [0, 1, 0], size = [1, 0.5, 1], duration = 1.0 }
 [[bodies]]
 name = "leaf"
 count = 150
 shape = { library = "birch_leaf" }
+fidelity = "quasi_steady"
+emitter = { kind = "disk", center = [0, 0.6, 0], radius = 1.0 }
+[[bodies]]
+name = "dust"
+count = 30
+shape = { library = "disk", diameter = 0.002 }
+fidelity = "point"
+emitter = { kind = "disk", center = [0, 0.6, 0], radius = 1.0 }
+[[bodies]]
+name = "mote"
+count = 30
+shape = { library = "disk", diameter = 0.002 }
+fidelity = "drift"
 emitter = { kind = "disk", center = [0, 0.6, 0], radius = 1.0 }
 """
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from warp_immersed.errors import InputError
 from warp_immersed.export_options import BYTES_PER_SAMPLE, USD_ENDINGS, ExportOptions
+from warp_immersed.output_files import partial_path
 
 
 def check_output(path: Path, frames: int, bodies: int, options: ExportOptions) -> None:
@@ -19,6 +20,8 @@ def check_output(path: Path, frames: int, bodies: int, options: ExportOptions) -
     bytes_per_sample = {".usda": 250, ".h5": 54, ".usdz": 2 * BYTES_PER_SAMPLE}.get(path.suffix, BYTES_PER_SAMPLE)
     needed = frames * bodies * bytes_per_sample
     free = shutil.disk_usage(next(parent for parent in path.absolute().parents if parent.exists())).free
+    partial = partial_path(path)  # what an unfinished run left is gone on with, or goes
+    free += getattr(partial.stat(), "st_blocks", 0) * 512 if partial.is_file() else 0
     if needed > free:
         raise InputError(f"output {str(path)!r}: needs about {needed / 1e6:.0f} MB, the disk has {free / 1e6:.0f} MB left")
 
