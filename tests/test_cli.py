@@ -59,7 +59,7 @@ def test_run_writes_usd_and_says_what_it_did(scene, tmp_path) -> None:
     result = run("run", "coins.toml", "--device", "cpu", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "20 bodies, 24 frames at 24 fps" in result.stdout
-    assert "coin: 20 x quasi_steady (auto)" in result.stdout
+    assert "coin: 20 x quasi_steady (auto: " in result.stdout
     last = result.stdout.strip().splitlines()[-1]
     assert last.startswith("out/coins.usdc: ")
     assert "body-steps/s" in last
