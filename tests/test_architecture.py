@@ -17,8 +17,10 @@ HOST = sorted((ROOT / "warp_immersed").rglob("*.py"))
 
 # Higher rooms may import lower ones only.
 FLOORS = [
-    {"version", "errors", "launch_plan", "remesh", "mesh_size", "fluid_sectors", "feature_curves"},
+    {"version", "errors", "frame_file", "launch_plan", "remesh", "mesh_size", "fluid_sectors", "feature_curves"},
     {
+        "export_options",
+        "output_files",
         "fluid",
         "mass_properties",
         "sheet_mesh",
@@ -29,7 +31,17 @@ FLOORS = [
         "boundaries",
         "poisson",
     },
-    {"shape", "turbulence", "counter_random", "turbulence_grid", "flow_setup", "graded_mesh", "mesh_checks", "panel_solver"},
+    {
+        "checkpoint",
+        "shape",
+        "turbulence",
+        "counter_random",
+        "turbulence_grid",
+        "flow_setup",
+        "graded_mesh",
+        "mesh_checks",
+        "panel_solver",
+    },
     {
         "seen_turbulence",
         "library",
@@ -47,9 +59,10 @@ FLOORS = [
     {"ensemble", "added_mass", "scene_flow"},
     {"pilot"},
     {"level_choice"},
-    {"recording", "progress", "tensor_report"},
+    {"recording", "progress", "tensor_report", "usd_samples"},
     {"usd", "simulation"},
-    {"summary"},
+    {"usd_clips", "usd_shards", "usd_xforms"},
+    {"usd_export", "summary"},
     {"cli"},
 ]
 HOST_ONLY_CALLS = {

@@ -6,11 +6,13 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from pxr import Usd, UsdGeom
 
 import warp_immersed as wi
+from warp_immersed.output_files import partial_path
 from warp_immersed.recording import Recording
 
 ROOT = Path(__file__).parent.parent
@@ -57,7 +59,7 @@ def test_run_writes_usd_and_says_what_it_did(scene, tmp_path) -> None:
     result = run("run", "coins.toml", "--device", "cpu", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "20 bodies, 24 frames at 24 fps" in result.stdout
-    assert "coin: 20 x quasi_steady (auto)" in result.stdout
+    assert "coin: 20 x quasi_steady (auto: " in result.stdout
     last = result.stdout.strip().splitlines()[-1]
     assert last.startswith("out/coins.usdc: ")
     assert "body-steps/s" in last
@@ -89,6 +91,39 @@ def test_export_gives_the_file_that_run_gives(scene, tmp_path) -> None:
     assert run("run", "coins.toml", "-o", "a.usdc", cwd=tmp_path).returncode == 0
     assert run("export", "a.h5", "-o", "b.usdc", cwd=tmp_path).returncode == 0
     assert (tmp_path / "a.usdc").read_bytes() == (tmp_path / "b.usdc").read_bytes()
+
+
+def test_export_and_run_take_the_same_options(scene, tmp_path) -> None:
+    options = [
+        "--up-axis",
+        "z",
+        "--units",
+        "cm",
+        "--fps",
+        "48",
+        "--start-frame",
+        "101",
+        "--no-motion-blur",
+        "--chunk-frames",
+        "10",
+    ]
+    assert run("run", "coins.toml", "-o", "run.h5", "--compress", cwd=tmp_path).returncode == 0
+    result = run("run", "coins.toml", "-o", "a.usdc", *options, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    result = run("export", "run.h5", "-o", "out/a.usdc", *options, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "24 frames, 20 bodies" in result.stdout
+    for part in ("a.usdc", *(f"a.usdc.parts/{name}.usdc" for name in ("manifest", "clip_0000", "clip_0001", "clip_0002"))):
+        assert (tmp_path / part).read_bytes() == (tmp_path / "out" / part).read_bytes(), part
+    stage = Usd.Stage.Open(str(tmp_path / "a.usdc"))
+    assert UsdGeom.GetStageUpAxis(stage) == "Z"
+    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode(), stage.GetTimeCodesPerSecond()) == (101.0, 147.0, 48.0)
+    result = run(
+        "export", "run.h5", "-o", "b.usdz", "--frames", "5:10", "--bodies", "0:7", "--instancing", "xforms", cwd=tmp_path
+    )
+    assert result.returncode == 0, result.stderr
+    assert "5 frames, 7 bodies" in result.stdout
+    assert Usd.Stage.Open(str(tmp_path / "b.usdz")).GetEndTimeCode() == 10.0
 
 
 def test_info_describes_scene_and_installation(scene, tmp_path) -> None:
@@ -125,6 +160,14 @@ BAD_COMMANDS = [
     (["run", "coins.toml", "--sed", "5"], ["--sed"]),
     (["run"], ["scene"]),
     (["export", "missing.h5", "-o", "a.usdc"], ["no such file"]),
+    (["run", "coins.toml", "-o", "a.usdc", "--resume"], ["--resume: needs a recording", "export a.h5 -o a.usdc"]),
+    (["run", "coins.toml", "-o", "a.usdc", "--compress"], ["--compress: needs a recording"]),
+    (["run", "coins.toml", "-o", "a.h5", "--shards", "2"], ["a.h5", "no options of USD"]),
+    (["run", "coins.toml", "-o", "a.usdc", "--shards", "21"], ["shards: found 21", "20 bodies"]),
+    (["run", "coins.toml", "--shards", "2", "--chunk-frames", "5"], ["chunk frames and shards: exclude each other"]),
+    (["run", "coins.toml", "--up-axis", "x"], ["'x'", "'y', 'z'"]),
+    (["run", "coins.toml", "--count-scale", "200", "--instancing", "xforms"], ["at most 2000 bodies, here are 4000"]),
+    (["run", "coins.toml", "-o", "a.usdz", "--shards", "2"], ["a .usdz is one file"]),
     (["fly"], ["fly"]),
 ]
 
@@ -148,6 +191,16 @@ def test_an_output_that_cannot_be_written_is_refused_first(scene, tmp_path) -> N
     assert_refused(run("run", "coins.toml", "-o", "folder.usdc", cwd=tmp_path), "is a folder")
 
 
+def test_what_an_unfinished_run_holds_of_the_disk_counts_as_free(tmp_path, monkeypatch) -> None:
+    from warp_immersed.commands import output
+
+    monkeypatch.setattr(output.shutil, "disk_usage", lambda _: SimpleNamespace(free=1_000_000))
+    with pytest.raises(wi.InputError, match="needs about 2 MB, the disk has 1 MB left"):
+        output.check_output(tmp_path / "a.h5", 400, 100, wi.ExportOptions())
+    partial_path(tmp_path / "a.h5").write_bytes(bytes(1_500_000))
+    output.check_output(tmp_path / "a.h5", 400, 100, wi.ExportOptions())
+
+
 @pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may write anywhere")
 def test_a_read_only_folder_is_refused(scene, tmp_path) -> None:
     (tmp_path / "locked").mkdir(mode=0o500)
@@ -168,6 +221,25 @@ def test_a_full_disk_leaves_nothing_behind(scene, tmp_path, output) -> None:
 
     assert_refused(run("run", "coins.toml", "-o", output, cwd=tmp_path, preexec_fn=limit), "cannot write", output)
     assert [p.name for p in tmp_path.iterdir()] == ["coins.toml"]
+
+
+def test_resume_refuses_another_seed(scene, tmp_path) -> None:
+    assert run("run", "coins.toml", "-o", "a.h5", cwd=tmp_path).returncode == 0
+    before = (tmp_path / "a.h5").read_bytes()
+    result = run("run", "coins.toml", "-o", "a.h5", "--seed", "9", "--resume", cwd=tmp_path)
+    assert_refused(result, "a.h5", "cannot go on with another run: its seed is '0', not '9'")
+    assert (tmp_path / "a.h5").read_bytes() == before
+
+
+def test_parts_that_are_not_there_are_refused(scene, tmp_path) -> None:
+    assert run("run", "coins.toml", "-o", "a.h5", cwd=tmp_path).returncode == 0
+    for options, words in (
+        (["--frames", "30:40"], ["frames: found '30:40'", "0 to 23"]),
+        (["--bodies", "leaf"], ["bodies: found 'leaf'", "coin"]),
+        (["-o", "a.h5"], ["'.h5'", ".usdc"]),
+    ):
+        assert_refused(run("export", "a.h5", "-o", "b.usdc", *options, cwd=tmp_path), *words)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.h5", "coins.toml"]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends an interrupt")

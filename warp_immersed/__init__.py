@@ -12,14 +12,15 @@ if TYPE_CHECKING:
     from warp_immersed import library
     from warp_immersed.added_mass import kirchhoff_tensor
     from warp_immersed.errors import InputError, MeshRepairWarning
+    from warp_immersed.export_options import ExportOptions
     from warp_immersed.fluid import AIR, WATER, Fluid
     from warp_immersed.mass_properties import PointMass
-    from warp_immersed.recording import Recording
+    from warp_immersed.recording import Recording, open_recording
     from warp_immersed.scene import Scene
     from warp_immersed.shape import Shape
     from warp_immersed.simulation import simulate
     from warp_immersed.turbulence import HomogeneousTurbulence
-    from warp_immersed.usd import export_usd
+    from warp_immersed.usd_export import export_usd
     from warp_immersed.version import __version__
 
 # Where each public name lives. They are imported on first use, so that the command line starts fast.
@@ -35,7 +36,9 @@ _HOMES = {
     "Scene": "scene",
     "Shape": "shape",
     "__version__": "version",
-    "export_usd": "usd",
+    "ExportOptions": "export_options",
+    "export_usd": "usd_export",
+    "open_recording": "recording",
     "kirchhoff_tensor": "added_mass",
     "simulate": "simulation",
 }
@@ -52,6 +55,7 @@ def __getattr__(name: str) -> Any:
 __all__ = [
     "AIR",
     "WATER",
+    "ExportOptions",
     "Fluid",
     "HomogeneousTurbulence",
     "InputError",
@@ -64,5 +68,6 @@ __all__ = [
     "export_usd",
     "kirchhoff_tensor",
     "library",
+    "open_recording",
     "simulate",
 ]

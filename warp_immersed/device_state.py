@@ -1,7 +1,7 @@
 """The arrays with which the device holds an ensemble."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import ceil, isinf
 from typing import Any, Literal
 
@@ -77,6 +77,17 @@ class DeviceState:
     outputs: tuple[dict[str, wp.array], dict[str, wp.array]]
     clock: wp.array
     ground_mesh: wp.Mesh | None
+
+    @property
+    def changing(self) -> dict[str, wp.array]:
+        """By name every array that one frame leaves for the next. Outputs are made anew by each frame, constants stay."""
+        named: dict[str, wp.array] = {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name not in ("constants", "outputs"):
+                arrays = value if isinstance(value, list) else [value]
+                named |= {f"{field.name}_{i}": array for i, array in enumerate(arrays) if isinstance(array, wp.array)}
+        return named
 
     @property
     def bytes_per_body(self) -> int:

@@ -1,6 +1,6 @@
 """`Ensemble`: all bodies of a scene on one device, advanced frame by frame."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,7 +31,8 @@ class Frame:
 
     index; time [s]; positions (N, 3) [m] of the centres of mass; orientations (N, 4), (x, y, z, w), body to world;
     velocities (N, 3) [m/s] and angular_velocities (N, 3) [rad/s], world axes; state (N,) uint8: WAITING, MOVING, LANDED
-    or FAILED; body_steps: substeps taken by all bodies since the start.
+    or FAILED; body_steps: substeps taken by all bodies since the start; snapshot: where one was asked for, copies of the
+    device's arrays after this frame, from which `Ensemble.restore` goes on.
     """
 
     index: int
@@ -42,6 +43,7 @@ class Frame:
     angular_velocities: NDArray[Any]
     state: NDArray[np.uint8]
     body_steps: int
+    snapshot: Mapping[str, NDArray[Any]] | None = None
 
 
 class Ensemble:
@@ -104,24 +106,56 @@ class Ensemble:
         """Device memory a body takes."""
         return self._state.bytes_per_body
 
-    def frames(self, count: int) -> Iterator[Frame]:
-        """The next `count` frames, the first ever being the initial state. While one is looked at, the next is computed."""
+    @property
+    def frames_done(self) -> int:
+        """Number of frames handed out, those before a restored snapshot included."""
+        return self._next
+
+    def frames(self, count: int, snapshot_due: Callable[[], bool] | None = None) -> Iterator[Frame]:
+        """The next `count` frames, the first ever being the initial state. While one is looked at, the next is computed.
+
+        snapshot_due: asked at every frame but the first ever and the last whether it shall carry a snapshot.
+        """
         end = self._next + count
         while self._next < end:
             current = self._next
             self._next += 1
-            for ahead in (current, current + 1):
-                if self._started < ahead < end:
-                    self._stepper.start(ahead)
-                    self._started = ahead
+            self._start(current)
+            snapshot = None
+            if snapshot_due is not None and 0 < current < end - 1 and snapshot_due():
+                self._stepper.wait(current)
+                snapshot = {name: array.numpy().copy() for name, array in self._state.changing.items()}
+            if current + 1 < end:
+                self._start(current + 1)
             if current == 0:
                 yield self._initial_frame()
             else:
-                yield self._frame(current, self._stepper.wait(current))
+                yield self._frame(current, self._stepper.wait(current), snapshot)
+
+    def restore(self, frame: int, body_steps: int, snapshot: Mapping[str, NDArray[Any]]) -> None:
+        """Stand where another ensemble of the same bodies stood after a frame: the next frame will be frame + 1.
+
+        Raises:
+            InputError: the snapshot is of another ensemble.
+        """
+        arrays = self._state.changing
+        for name in sorted({*arrays, *snapshot}):
+            there = snapshot[name].shape if name in snapshot else None
+            here = arrays[name].numpy().shape if name in arrays else None
+            if there != here:
+                raise InputError(f"snapshot: {name} is of shape {there}, must be {here}: it belongs to another run")
+        for name, array in arrays.items():
+            array.assign(snapshot[name])
+        self._started, self._next, self._body_steps = frame, frame + 1, body_steps
 
     def close(self) -> None:
         """Let the device's threads or queues go."""
         self._stepper.close()
+
+    def _start(self, frame: int) -> None:
+        if frame > self._started:
+            self._stepper.start(frame)
+            self._started = frame
 
     def _launch(self, first: int, count: int, outputs: Outputs, record: bool) -> list[Any]:
         state = self._state
@@ -167,7 +201,7 @@ class Ensemble:
             body_steps=0,
         )
 
-    def _frame(self, index: int, outputs: Outputs) -> Frame:
+    def _frame(self, index: int, outputs: Outputs, snapshot: Mapping[str, NDArray[Any]] | None) -> Frame:
         arrays = {name.removesuffix("_out"): array.numpy() for name, array in outputs.items()}
         self._body_steps += int(arrays["substeps"].sum(dtype=np.int64))
         return Frame(
@@ -179,6 +213,7 @@ class Ensemble:
             angular_velocities=arrays["angular_velocity"],
             state=arrays["state"],
             body_steps=self._body_steps,
+            snapshot=snapshot,
         )
 
 

@@ -2,24 +2,30 @@
 
 import json
 import os
-import re
-import sys
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_immersed.checkpoint import Checkpoint, check_same_run, checkpoint_path
 from warp_immersed.ensemble import Frame
 from warp_immersed.errors import InputError
+from warp_immersed.frame_file import FrameFile, create_frames, is_being_written, new_hdf5, repack
+from warp_immersed.output_files import hidden_beside, partial_path, publish
 from warp_immersed.shape import Shape
 
 SCHEMA = "warp-immersed recording"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
-# name: (units, long name) of the datasets, frames first, bodies second
+# name: (units, long name) of the datasets with a number a frame, and of those with an array: frames first, bodies second
+PER_FRAME = {
+    "times": ("s", "time since the start"),
+    "body_steps": ("1", "substeps taken by all bodies since the start"),
+}
 DATASETS = {
     "positions": ("m", "position of the centre of mass, world axes"),
     "orientations": ("1", "unit quaternion (x, y, z, w), body to world"),
@@ -27,6 +33,7 @@ DATASETS = {
     "angular_velocities": ("rad s-1", "angular velocity, world axes"),
     "state": ("1", "0 waiting, 1 moving, 2 landed, 3 failed"),
 }
+TYPES = {"times": "<f8", "body_steps": "<i8", "state": "u1"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +79,8 @@ class Recording:
 
     times (F,) [s]; positions (F, N, 3) [m] of the centres of mass; orientations (F, N, 4), (x, y, z, w), body to world;
     velocities (F, N, 3) [m/s]; angular_velocities (F, N, 3) [rad/s], world axes; state (F, N) uint8: 0 waiting, 1
-    moving, 2 landed, 3 failed; body_steps: substeps taken in all; prototypes: the kinds of bodies in their order;
-    manifest: versions, device, seed, scene text and digest.
+    moving, 2 landed, 3 failed; body_steps (F,): substeps taken by all bodies up to each frame; prototypes: the kinds of
+    bodies in their order; manifest: versions, device, seed, scene text and digest.
     """
 
     times: NDArray[np.float64]
@@ -82,7 +89,7 @@ class Recording:
     velocities: NDArray[np.float32]
     angular_velocities: NDArray[np.float32]
     state: NDArray[np.uint8]
-    body_steps: int
+    body_steps: NDArray[np.int64]
     fps: float
     prototypes: tuple[Prototype, ...]
     manifest: Mapping[str, Any]
@@ -90,11 +97,15 @@ class Recording:
     def frame(self, index: int) -> Frame:
         """One frame."""
         arrays = {name: getattr(self, name)[index] for name in DATASETS}
-        return Frame(index=index, time=float(self.times[index]), body_steps=self.body_steps, **arrays)
+        return Frame(index=index, time=float(self.times[index]), body_steps=int(self.body_steps[index]), **arrays)
 
-    def save(self, path: str | Path) -> None:
-        """Write it to an HDF5 file."""
-        writer = RecordingWriter(Path(path), self.prototypes, self.fps, self.manifest)
+    def save(self, path: str | Path, compress: bool = False) -> None:
+        """Write it to an HDF5 file.
+
+        Raises:
+            InputError: the disk is full or gone.
+        """
+        writer = start_recording(Path(path), self.prototypes, self.fps, self.manifest, len(self.times), compress)
         try:
             for index in range(len(self.times)):
                 writer.write(self.frame(index))
@@ -108,108 +119,231 @@ class Recording:
         """Read a recording into memory.
 
         Raises:
-            InputError: no such file, not a recording, of another schema version, or damaged.
+            InputError: no such file, not a recording, of another schema version, unfinished, or damaged.
         """
-        import h5py
+        with open_recording(path) as recording:
+            return replace(recording, **{name: getattr(recording, name)[:] for name in DATASETS})
 
-        if not Path(path).is_file():
-            raise InputError(f"recording {str(path)!r}: no such file")
-        try:
-            with h5py.File(path, "r") as file:
-                if file.attrs.get("schema") != SCHEMA:
-                    raise InputError(f"recording {str(path)!r}: an HDF5 file, but not a recording of warp-immersed")
-                found = file.attrs["schema_version"]
-                if found != SCHEMA_VERSION:
-                    raise InputError(f"recording {str(path)!r}: schema version {found}, this program reads {SCHEMA_VERSION}")
-                return Recording(
-                    times=file["times"][:],
-                    body_steps=int(file.attrs["body_steps"]),
-                    fps=float(file.attrs["fps"]),
-                    prototypes=tuple(read_prototype(file["prototypes"][name]) for name in file["prototypes"]),
-                    manifest=json.loads(file.attrs["manifest"]),
-                    **{name: file[name][:] for name in DATASETS},
+
+@contextmanager
+def open_recording(path: str | Path) -> Iterator[Recording]:
+    """A recording whose arrays stay in the file: what is indexed is read. For runs that are larger than memory.
+
+    Raises:
+        InputError: no such file, not a recording, of another schema version, unfinished, or damaged.
+    """
+    import h5py
+
+    if not Path(path).is_file():
+        raise InputError(f"recording {str(path)!r}: no such file")
+    try:
+        with h5py.File(path, "r") as file:
+            if file.attrs.get("schema") != SCHEMA:
+                raise InputError(f"recording {str(path)!r}: an HDF5 file, but not a recording of warp-immersed")
+            found = file.attrs["schema_version"]
+            if found != SCHEMA_VERSION:
+                raise InputError(f"recording {str(path)!r}: schema version {found}, this program reads {SCHEMA_VERSION}")
+            per_frame = {name: file[name][:] for name in PER_FRAME}
+            written = int(np.isfinite(per_frame["times"]).sum())
+            if written < len(per_frame["times"]):
+                raise InputError(
+                    f"recording {str(path)!r}: unfinished, {written} of {len(per_frame['times'])} frames; finish it with "
+                    f"warp-immersed run --resume"
                 )
-        except (OSError, KeyError) as error:
-            raise InputError(f"recording {str(path)!r}: damaged or not an HDF5 file ({error})") from error
+            yield Recording(
+                fps=float(file.attrs["fps"]),
+                prototypes=tuple(read_prototype(file["prototypes"][name]) for name in file["prototypes"]),
+                manifest=json.loads(file.attrs["manifest"]),
+                **per_frame,
+                **{name: file[name] for name in DATASETS},
+            )
+    except (OSError, KeyError, RuntimeError) as error:
+        raise InputError(f"recording {str(path)!r}: damaged or not an HDF5 file ({error})") from error
 
 
 class RecordingWriter:
-    """Writes frames to an HDF5 file as they come: beside the path, renamed to it when finished."""
+    """Writes frames to an HDF5 file as they come: beside the path, renamed to it when finished.
 
-    def __init__(self, path: Path, prototypes: tuple[Prototype, ...], fps: float, manifest: Mapping[str, Any]):
+    `start_recording` and `resume_recording` make one. A frame that carries a snapshot of the device makes a checkpoint, from
+    which a run can go on after a full disk, Ctrl-C or a kill at any moment.
+
+    Args:
+        path: an .h5 file. manifest: as in `Recording`. frames: how many the file has room for.
+        compress: pack the file when it is finished. done: frames that are there already.
+
+    Raises:
+        OSError, KeyError: the partial file is not there or damaged.
+    """
+
+    def __init__(self, path: Path, manifest: Mapping[str, Any], frames: int, compress: bool, done: int = 0):
+        self.path = path
+        self._manifest = manifest
+        self._frames = frames
+        self._compress = compress
+        self._done = self._kept = done
+        self._file = FrameFile(partial_path(path), (*PER_FRAME, *DATASETS))
+
+    def write(self, frame: Frame) -> None:
+        """Put a frame in its place.
+
+        Raises:
+            InputError: the disk is full or gone.
+        """
+        try:
+            self._file.write(frame.index, frame_values(frame))
+            self._done = frame.index + 1
+            if frame.snapshot is not None:
+                self._file.sync()
+                Checkpoint(frame.index, frame.body_steps, frame.snapshot, self._manifest).save(checkpoint_path(self.path))
+                self._kept = self._done
+        except OSError as error:
+            raise self._cannot_write(error) from error
+
+    def finish(self) -> None:
+        """Give the file its name, with as many frames as came. The checkpoint of a run that was cut short stays.
+
+        Raises:
+            InputError: the disk is full or gone.
+        """
         import h5py
 
-        self.path = path
-        self._partial = partial_path(path)
-        self._frames = 0
-        self._body_steps = 0
-        bodies = sum(prototype.count for prototype in prototypes)
-        shapes = {"positions": (bodies, 3), "orientations": (bodies, 4), "state": (bodies,)}
-        # without a chunk cache every write goes to the disk at once, and says so if it cannot
-        self._file = h5py.File(self._partial, "w", libver="latest", track_order=True, rdcc_nbytes=0)
-        self._file.attrs.update({"schema": SCHEMA, "schema_version": SCHEMA_VERSION, "fps": fps, "body_steps": 0})
-        self._file.attrs["manifest"] = json.dumps(manifest)
-        self._datasets = {"times": self._file.create_dataset("times", (0,), np.float64, maxshape=(None,), chunks=(1024,))}
-        self._datasets["times"].attrs.update({"units": "s", "long_name": "time since the start"})
-        for name, (units, long_name) in DATASETS.items():
-            shape = shapes.get(name, (bodies, 3))
-            dtype = np.uint8 if name == "state" else np.float32
-            dataset = self._file.create_dataset(name, (0, *shape), dtype, maxshape=(None, *shape), chunks=(1, *shape))
+        self._file.close()
+        partial, packed = partial_path(self.path), hidden_beside(self.path, "packed")
+        try:
+            if self._compress or self._done < self._frames:
+                with h5py.File(partial, "r") as source, new_hdf5(packed) as target:
+                    target.attrs.update(source.attrs)
+                    repack(source, target, (*PER_FRAME, *DATASETS), self._done, self._compress)
+                    source.copy("prototypes", target)
+                os.replace(packed, partial)
+            publish(self.path)
+        except (OSError, RuntimeError) as error:
+            raise self._cannot_write(error) from error
+        if self._done == self._frames:
+            remove_traces(self.path)
+
+    def abort(self) -> None:
+        """Keep what a run can go on from, if there is a checkpoint; else leave nothing behind."""
+        self._file.close()
+        hidden_beside(self.path, "packed").unlink(missing_ok=True)
+        if not self._kept:
+            remove_traces(self.path)
+
+    def _cannot_write(self, error: Exception) -> InputError:
+        kept = f"; {self._kept} frames are kept, make room and go on with --resume" if self._kept else ""
+        return InputError(f"output {str(self.path)!r}: cannot write ({reason_of(error)}){kept}")
+
+
+def start_recording(
+    path: Path, prototypes: tuple[Prototype, ...], fps: float, manifest: Mapping[str, Any], frames: int, compress: bool = False
+) -> RecordingWriter:
+    """A writer for a new file with room for `frames` frames; what an unfinished run left there is removed.
+
+    Raises:
+        InputError: another process writes it; the disk is full or gone.
+    """
+    refuse_two_writers(path)
+    try:
+        remove_traces(path)
+        create_recording(partial_path(path), prototypes, fps, manifest, frames)
+        return RecordingWriter(path, manifest, frames, compress)
+    except (OSError, RuntimeError) as error:
+        remove_traces(path)
+        raise InputError(f"output {str(path)!r}: cannot write ({reason_of(error)})") from error
+
+
+def resume_recording(
+    path: Path, prototypes: tuple[Prototype, ...], fps: float, manifest: Mapping[str, Any], frames: int, compress: bool = False
+) -> tuple[RecordingWriter, Checkpoint | None]:
+    """A writer that goes on with an unfinished file, and where the run stood; a new file and None without a checkpoint.
+
+    Raises:
+        InputError: what is there is of another run or damaged, or another process writes it; the disk is full or gone.
+    """
+    refuse_two_writers(path)
+    partial, mark = partial_path(path), checkpoint_path(path)
+    if not mark.is_file():
+        return start_recording(path, prototypes, fps, manifest, frames, compress), None
+    checkpoint = Checkpoint.load(mark)
+    check_same_run(path, checkpoint.manifest, manifest)
+    try:
+        if not partial.is_file():
+            reopen(path, prototypes, fps, manifest, frames, checkpoint.frame + 1)
+        return RecordingWriter(path, manifest, frames, compress, checkpoint.frame + 1), checkpoint
+    except (OSError, KeyError, RuntimeError) as error:
+        raise InputError(f"output {str(path)!r}: cannot go on ({reason_of(error)}); run without --resume") from error
+
+
+def refuse_two_writers(path: Path) -> None:
+    """Refuse an output that a running process is writing.
+
+    Raises:
+        InputError: there is one.
+    """
+    if is_being_written(partial_path(path)):
+        raise InputError(f"output {str(path)!r}: another process is writing it; wait for it, or end it")
+
+
+def is_finished(path: Path, manifest: Mapping[str, Any], frames: int) -> bool:
+    """Whether a recording is there, with all its frames, and none is being made in its place.
+
+    Raises:
+        InputError: it is of another run, or damaged.
+    """
+    if not path.is_file() or partial_path(path).is_file():
+        return False
+    with open_recording(path) as recording:
+        check_same_run(path, recording.manifest, manifest)
+        return len(recording.times) == frames
+
+
+def reopen(
+    path: Path, prototypes: tuple[Prototype, ...], fps: float, manifest: Mapping[str, Any], frames: int, done: int
+) -> None:
+    """Make a partial file again of the whole one that Ctrl-C left, with its first `done` frames and room for all."""
+    copy = hidden_beside(path, "packed")
+    create_recording(copy, prototypes, fps, manifest, frames)
+    file = FrameFile(copy, (*PER_FRAME, *DATASETS))
+    with open_recording(path) as recording:
+        for index in range(done):
+            file.write(index, frame_values(recording.frame(index)))
+    file.sync()
+    file.close()
+    os.replace(copy, partial_path(path))
+
+
+def create_recording(path: Path, prototypes: tuple[Prototype, ...], fps: float, manifest: Mapping[str, Any], frames: int) -> None:
+    """An HDF5 file with everything but the frames; the times of those that have not come are NaN."""
+    bodies = sum(prototype.count for prototype in prototypes)
+    widths = {"orientations": (4,), "state": ()}
+    with new_hdf5(path) as file:
+        file.attrs.update({"schema": SCHEMA, "schema_version": SCHEMA_VERSION, "fps": fps, "manifest": json.dumps(manifest)})
+        for name, (units, long_name) in (PER_FRAME | DATASETS).items():
+            shape = (frames,) if name in PER_FRAME else (frames, bodies, *widths.get(name, (3,)))
+            dataset = create_frames(file, name, shape, TYPES.get(name, "<f4"))
             dataset.attrs.update({"units": units, "long_name": long_name})
-            self._datasets[name] = dataset
-        group = self._file.create_group("prototypes", track_order=True)
+        file["times"][:] = np.nan
+        file["body_steps"][:] = 0
+        group = file.create_group("prototypes", track_order=True)
         for prototype in prototypes:
             write_prototype(group.create_group(prototype.name), prototype)
 
-    def write(self, frame: Frame) -> None:
-        """Append a frame.
 
-        Raises:
-            InputError: the disk is full or gone.
-        """
-        try:
-            for name, dataset in self._datasets.items():
-                dataset.resize(self._frames + 1, axis=0)
-                dataset[self._frames] = frame.time if name == "times" else getattr(frame, name)
-        except (OSError, RuntimeError) as error:
-            raise self._cannot_write(error) from error
-        self._frames += 1
-        self._body_steps = frame.body_steps
-
-    def finish(self) -> None:
-        """Close the file and give it its name.
-
-        Raises:
-            InputError: the disk is full or gone.
-        """
-        try:
-            self._file.attrs["body_steps"] = self._body_steps
-            self._file.close()
-            os.replace(self._partial, self.path)
-        except (OSError, RuntimeError) as error:
-            raise self._cannot_write(error) from error
-
-    def abort(self) -> None:
-        """Leave nothing behind."""
-        # HDF5 tries once more to write what it could not, and complains from its destructors
-        complain, sys.unraisablehook = sys.unraisablehook, lambda _: None
-        try:
-            self._datasets.clear()
-            self._file.close()
-        except (OSError, RuntimeError):
-            pass
-        finally:
-            self._partial.unlink(missing_ok=True)
-            sys.unraisablehook = complain
-
-    def _cannot_write(self, error: Exception) -> InputError:
-        said = re.search(r"error message = '([^']*)'", str(error))
-        return InputError(f"output {str(self.path)!r}: cannot write ({said.group(1) if said else error})")
+def frame_values(frame: Frame) -> dict[str, Any]:
+    """A frame by the names of the datasets; its time last, for that marks it as written."""
+    return {**{name: getattr(frame, name) for name in DATASETS}, "body_steps": frame.body_steps, "times": frame.time}
 
 
-def partial_path(path: Path) -> Path:
-    """Where a file is written until it is whole: beside it, hidden, with the same ending."""
-    return path.with_name(f".{path.stem}.partial{path.suffix}")
+def remove_traces(path: Path) -> None:
+    """Remove the checkpoint, first, and the partial files of an output."""
+    mark = checkpoint_path(path)
+    for trace in (mark, mark.with_name(mark.name + ".part"), hidden_beside(path, "packed"), partial_path(path)):
+        trace.unlink(missing_ok=True)
+
+
+def reason_of(error: Exception) -> str:
+    """What the system said, without the file's name."""
+    return error.strerror if isinstance(error, OSError) and error.strerror else str(error)
 
 
 def write_prototype(group: Any, prototype: Prototype) -> None:

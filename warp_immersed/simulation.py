@@ -1,8 +1,10 @@
 """`simulate`: the one place that ties a scene, its bodies, a device and the files together."""
 
+import hashlib
 import platform
 import signal
 import threading
+import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -30,6 +32,7 @@ from warp_immersed.scene_flow import scene_flow, scene_ground_mesh
 from warp_immersed.shape import Shape
 from warp_immersed.shape_table import make_shape
 from warp_immersed.tensor_cache import cache_directory
+from warp_immersed.turbulence_grid import TurbulenceGrid
 from warp_immersed.version import __version__
 
 if TYPE_CHECKING:
@@ -176,24 +179,55 @@ def manifest_of(plan: Plan, device: wp.Device) -> dict[str, Any]:
         "device": device.name,
         "scene": plan.scene.name,
         "scene_digest": plan.scene.digest,
+        "data_digest": data_digest(plan),
         "scene_text": plan.scene.text,
         "seed": plan.scene.seed,
         "fidelity": ", ".join(f"{kind.table.name}: {kind.level}" for kind in plan.kinds),
     }
 
 
-def run(ensemble: Ensemble, frames: int, sinks: Sequence[FrameSink], report: Callable[[int, int], None] | None = None) -> Outcome:
-    """Simulate and hand every frame to the sinks; after Ctrl-C they are finished with the frames there are.
+def data_digest(plan: Plan) -> str:
+    """SHA-256 of what the scene refers to but does not hold: meshes of bodies and ground, a baked flow."""
+    digest = hashlib.sha256()
+    for mesh in (*(kind.shape.mesh for kind in plan.kinds), plan.surroundings.ground_mesh):
+        if mesh is not None:
+            digest.update(np.asarray(mesh.vertices, dtype=np.float32).tobytes())
+            digest.update(np.asarray(mesh.faces, dtype=np.int32).tobytes())
+    if isinstance(plan.surroundings.flow, TurbulenceGrid):
+        for value in vars(plan.surroundings.flow).values():
+            if isinstance(value, np.ndarray):
+                digest.update(np.ascontiguousarray(value).tobytes())
+    return digest.hexdigest()
 
-    report: called with (frames done, body_steps) after each frame. On any other exception the sinks are aborted.
+
+def run(
+    ensemble: Ensemble,
+    frames: int,
+    sinks: Sequence[FrameSink],
+    report: Callable[[int, int], None] | None = None,
+    snapshot_seconds: float = float("inf"),
+) -> Outcome:
+    """Simulate and hand every frame up to number frames - 1 to the sinks; after Ctrl-C they are finished with those there are.
+
+    report: called with (frames done, body_steps) after each frame. snapshot_seconds: wall time between frames that carry a
+    snapshot for the sinks. On any other exception the sinks are aborted.
     """
-    done, body_steps, interrupted = 0, 0, False
+    done, body_steps, interrupted = ensemble.frames_done, 0, False
+    snapshot_time = time.monotonic()
+
+    def snapshot_due() -> bool:
+        nonlocal snapshot_time
+        due = time.monotonic() - snapshot_time >= snapshot_seconds
+        if due:
+            snapshot_time = time.monotonic()
+        return due
+
     asked_to_stop = threading.Event()
     failed = np.zeros(0, dtype=np.int64)
     try:
         try:
             with interrupts_held(asked_to_stop):
-                for frame in ensemble.frames(frames):
+                for frame in ensemble.frames(frames - done, snapshot_due):
                     for sink in sinks:
                         sink.write(frame)
                     done, body_steps = done + 1, frame.body_steps
@@ -246,14 +280,14 @@ class MemorySink:
             for name, shape in shapes.items()
         }
         self.times: list[float] = []
-        self.body_steps = 0
+        self.body_steps: list[int] = []
 
     def write(self, frame: Frame) -> None:
         """Copy a frame."""
         for name in DATASETS:
             self.arrays[name][len(self.times)] = getattr(frame, name)
         self.times.append(frame.time)
-        self.body_steps = frame.body_steps
+        self.body_steps.append(frame.body_steps)
 
     def finish(self) -> None:
         """Drop the room for frames that did not come."""
@@ -292,7 +326,7 @@ def simulate(
         run(ensemble, scene.frame_count, [sink], report)
     return Recording(
         times=np.array(sink.times),
-        body_steps=sink.body_steps,
+        body_steps=np.array(sink.body_steps),
         fps=scene.fps,
         prototypes=planned.prototypes,
         manifest=manifest_of(planned, where),

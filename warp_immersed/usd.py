@@ -1,178 +1,209 @@
 """USD out: one point instancer, in the encoding that Blender, Houdini, Maya and Omniverse all read."""
 
-import ctypes
-import os
-import re
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
+from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdUtils, Vt
 
 from warp_immersed.ensemble import Frame
 from warp_immersed.errors import InputError
+from warp_immersed.export_options import ExportOptions
 from warp_immersed.mesh_normals import vertex_normals
-from warp_immersed.recording import Prototype, Recording, partial_path
+from warp_immersed.output_files import discard, partial_path, publish
+from warp_immersed.recording import Prototype
+from warp_immersed.usd_samples import SampleWriter, save_layer, vt_array
 
-# Frames between saves: each appends to the file, so that memory stays bounded and a crash loses little.
-FRAMES_PER_SAVE = 24
-FIRST_TIME_CODE = 1
-ENDINGS = (".usdc", ".usda", ".usd")
+WORLD = Sdf.Path("/World")
+CROWD = WORLD.AppendChild("Crowd")
 
-CROWD = Sdf.Path("/World/Crowd")
+Ids = NDArray[np.int64]
 
 
-class UsdWriter:
-    """Writes frames to a USD file as they come: beside the path, renamed to it when finished.
+class CrowdWriter(ABC):
+    """Writes frames to a USD file as they come: beside the path, renamed to it when finished. What all forms share.
 
-    Velocities are per second, angular velocities in degrees per second in the instancer's frame; time code 1 is the
-    first frame. Landed bodies stay, so array lengths never change.
+    Args:
+        path: a .usdc, .usda, .usd or .usdz file. prototypes, fps, manifest: as in `Recording`.
+        options: as they say. ids: (n,) ascending, which bodies to write; all by default.
+
+    Raises:
+        InputError: the options cannot make this file, or the disk is full or gone.
     """
 
-    def __init__(self, path: Path, prototypes: tuple[Prototype, ...], fps: float, manifest: Mapping[str, Any]):
-        if path.suffix not in ENDINGS:
-            raise InputError(f"output {str(path)!r}: found ending {path.suffix!r}, must be one of {', '.join(ENDINGS)}")
+    def __init__(
+        self,
+        path: Path,
+        prototypes: tuple[Prototype, ...],
+        fps: float,
+        manifest: Mapping[str, Any],
+        options: ExportOptions = ExportOptions(),  # noqa: B008, it is frozen
+        ids: Ids | None = None,
+    ):
         self.path = path
-        self._partial = partial_path(path)
-        self._partial.unlink(missing_ok=True)
-        self._radius = max(prototype.radius for prototype in prototypes)
-        self._frames = 0
-        self._layer = Sdf.Layer.CreateNew(str(self._partial))
-        stage = Usd.Stage.Open(self._layer)
-        describe_stage(stage, fps, manifest)
-        create_crowd(stage, prototypes)
-        # from here on the layer alone is written: a stage would be told of every sample
-        del stage
-        self._samples = {
-            name: self._layer.GetAttributeAtPath(CROWD.AppendProperty(name)).path
-            for name in ("positions", "orientations", "velocities", "angularVelocities", "extent")
+        self.prototypes, self.fps, self.manifest, self.options = prototypes, fps, manifest, options
+        self.ids = np.arange(sum(prototype.count for prototype in prototypes)) if ids is None else ids
+        options.check_output(path, 0, len(self.ids))
+        self._first: int | None = None
+        self._last = 0
+        self._partial = partial_path(path).with_suffix(".usdc") if path.suffix == ".usdz" else partial_path(path)
+        self.root: Any = None
+        try:
+            self.root = new_layer(self._partial)
+            stage = Usd.Stage.Open(self.root)
+            self.describe(stage)
+            world = UsdGeom.Xform.Define(stage, WORLD)
+            Usd.ModelAPI(world.GetPrim()).SetKind(Kind.Tokens.assembly)
+            stage.SetDefaultPrim(world.GetPrim())
+            self._begin(stage)
+            # from here on the layer alone is written: a stage would be told of every sample
+            del stage
+            save_layer(self.root, path)
+        except BaseException:
+            self.abort()
+            raise
+
+    @abstractmethod
+    def _begin(self, stage: Usd.Stage) -> None:
+        """Put what does not move into the root."""
+
+    @abstractmethod
+    def _write(self, frame: Frame) -> None:
+        """Append a frame."""
+
+    @abstractmethod
+    def _end(self, first: int, last: int) -> None:
+        """All frames have come, first to last: complete all but the root's time range."""
+
+    def describe(self, stage: Usd.Stage) -> None:
+        """Units, axes, rates and where the file comes from."""
+        UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y if self.options.up_axis == "y" else UsdGeom.Tokens.z)
+        UsdGeom.SetStageMetersPerUnit(stage, 1.0 if self.options.units == "m" else UsdGeom.LinearUnits.centimeters)
+        stage.SetTimeCodesPerSecond(self.options.rate(self.fps))
+        stage.SetFramesPerSecond(self.options.rate(self.fps))
+        stage.GetRootLayer().customLayerData = {
+            "warp_immersed": {name: value for name, value in self.manifest.items() if isinstance(value, (str, int, float))}
         }
-        self._layer.Save()
+
+    def samples(self, layer: Sdf.Layer, prim: Sdf.Path, ids: Ids) -> SampleWriter:
+        """What writes the motion of these bodies to a prim of a layer."""
+        radius = max(prototype.radius for prototype in self.prototypes)
+        return SampleWriter(layer, prim, self.path, rows_of(ids), radius, self.options, self.fps)
+
+    def set_time_range(self, layer: Sdf.Layer, first: int, last: int) -> None:
+        """Start and end time code from the first and last frame."""
+        layer.startTimeCode = self.options.time_code(first, self.fps)
+        layer.endTimeCode = self.options.time_code(last, self.fps)
 
     def write(self, frame: Frame) -> None:
-        """Append a frame."""
-        time_code = FIRST_TIME_CODE + self._frames
-        positions = np.ascontiguousarray(frame.positions, dtype=np.float32)
-        by_axis = np.ascontiguousarray(positions.T)  # numpy reduces this way ten times faster
-        margin = self._radius * 1.001 + 1e-6 * np.abs(by_axis).max()
-        extent = np.stack([by_axis.min(axis=1) - margin, by_axis.max(axis=1) + margin])
-        for name, array_type, values in (
-            ("positions", Vt.Vec3fArray, positions),
-            ("orientations", Vt.QuathArray, frame.orientations.astype(np.float16)),
-            ("velocities", Vt.Vec3fArray, frame.velocities),
-            ("angularVelocities", Vt.Vec3fArray, np.degrees(frame.angular_velocities)),
-            ("extent", Vt.Vec3fArray, extent),
-        ):
-            self._layer.SetTimeSample(self._samples[name], time_code, vt_array(array_type, values))
-        self._frames += 1
-        if self._frames % FRAMES_PER_SAVE == 0:
-            self._save()
+        """Append a frame.
+
+        Raises:
+            InputError: the disk is full or gone.
+        """
+        if self._first is None:
+            self._first = frame.index
+        self._last = frame.index
+        self._write(frame)
 
     def finish(self) -> None:
-        """Set the time range, save, and give the file its name."""
-        self._layer.startTimeCode = FIRST_TIME_CODE
-        self._layer.endTimeCode = FIRST_TIME_CODE + self._frames - 1
-        self._save()
-        self._layer = None
-        os.replace(self._partial, self.path)
+        """Set the time range, save, and give the file its name.
+
+        Raises:
+            InputError: the disk is full or gone.
+        """
+        first = self._first or 0
+        self._end(first, self._last)
+        self.set_time_range(self.root, first, self._last)
+        save_layer(self.root, self.path)
+        self.root = None
+        if self.path.suffix == ".usdz":
+            package(self._partial, self.path)
+            self._partial.unlink()
+        publish(self.path)
 
     def abort(self) -> None:
         """Leave nothing behind."""
-        self._layer = None
+        self.root = None
         self._partial.unlink(missing_ok=True)
-
-    def _save(self) -> None:
-        try:
-            saved = self._layer.Save()
-            reason = "not saved"
-        except Tf.ErrorException as error:
-            saved, reason = False, write_error(str(error))
-        if not saved:
-            raise InputError(f"output {str(self.path)!r}: cannot write ({reason})")
+        discard(self.path)
 
 
-def export_usd(recording: Recording, path: str | Path) -> None:
-    """Write a recording to a USD file (.usdc, .usda or .usd).
+class UsdWriter(CrowdWriter):
+    """One file with one point instancer. Args, Raises: as `CrowdWriter`."""
+
+    def _begin(self, stage: Usd.Stage) -> None:
+        create_crowd(stage, CROWD, self.prototypes, self.ids, self.options)
+        self._samples = self.samples(self.root, CROWD, self.ids)
+
+    def _write(self, frame: Frame) -> None:
+        self._samples.write(frame)
+
+    def _end(self, first: int, last: int) -> None:
+        del self._samples
+
+
+def rows_of(ids: Ids) -> slice | Ids:
+    """The rows of these bodies in a frame's arrays, as a slice where they are evenly spaced: that copies nothing."""
+    step = int(ids[1] - ids[0]) if len(ids) > 1 else 1
+    even = slice(int(ids[0]), int(ids[-1]) + 1, step)
+    return even if (np.diff(ids) == step).all() else ids
+
+
+def new_layer(path: Path) -> Sdf.Layer:
+    """An empty layer in a new file."""
+    path.unlink(missing_ok=True)
+    return Sdf.Layer.CreateNew(str(path))
+
+
+def package(layer: Path, target: Path) -> None:
+    """Make the partial file of `target`, a .usdz, of a layer and what it refers to: uncompressed, aligned to 64 bytes.
 
     Raises:
-        InputError: another ending.
+        InputError: the disk is full or gone.
     """
-    writer = UsdWriter(Path(path), recording.prototypes, recording.fps, recording.manifest)
+    partial = partial_path(target)
     try:
-        for index in range(len(recording.times)):
-            writer.write(recording.frame(index))
-        writer.finish()
-    except BaseException:
-        writer.abort()
-        raise
+        made = UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(layer)), str(partial), f"{target.stem}.usdc")
+    except Tf.ErrorException as error:
+        raise InputError(f"output {str(target)!r}: cannot write ({str(error).splitlines()[0]})") from error
+    if not made:
+        raise InputError(f"output {str(target)!r}: cannot write (no package was made)")
 
 
-def write_error(text: str) -> str:
-    """What the system said, out of USD's account of where it heard it."""
-    said = re.search(r"Error occurred writing file: ([^']*)'", text)
-    return said.group(1) if said else text.splitlines()[0]
-
-
-def vt_array(array_type: Any, values: NDArray[Any]) -> Any:
-    """A USD array with the values of a numpy array of its element type, copied as a block.
-
-    USD's own conversion goes element by element with Python's lock held. The block copy relies on VtArray showing its
-    memory through the buffer protocol; where it does not look as expected, USD's conversion is used.
-    """
-    array = array_type(len(values))
-    view = np.asarray(array)
-    values = np.ascontiguousarray(values, dtype=view.dtype)
-    if view.shape == values.shape and view.flags.c_contiguous and view.ctypes.data:
-        ctypes.memmove(view.ctypes.data, values.ctypes.data, values.nbytes)
-        return array
-    return array_type.FromNumpy(values)
-
-
-def describe_stage(stage: Usd.Stage, fps: float, manifest: Mapping[str, Any]) -> None:
-    """Units, axes, rates, the root prim and where the file comes from."""
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
-    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-    stage.SetTimeCodesPerSecond(fps)
-    stage.SetFramesPerSecond(fps)
-    stage.SetStartTimeCode(FIRST_TIME_CODE)
-    stage.SetEndTimeCode(FIRST_TIME_CODE)
-    stage.GetRootLayer().customLayerData = {
-        "warp_immersed": {name: value for name, value in manifest.items() if isinstance(value, (str, int, float))}
-    }
-    world = UsdGeom.Xform.Define(stage, "/World")
-    Usd.ModelAPI(world.GetPrim()).SetKind(Kind.Tokens.assembly)
-    stage.SetDefaultPrim(world.GetPrim())
-
-
-def create_crowd(stage: Usd.Stage, prototypes: tuple[Prototype, ...]) -> None:
+def create_crowd(
+    stage: Usd.Stage, path: Sdf.Path, prototypes: tuple[Prototype, ...], ids: Ids, options: ExportOptions
+) -> UsdGeom.PointInstancer:
     """The point instancer with its prototypes and everything about it that does not move."""
-    instancer = UsdGeom.PointInstancer.Define(stage, CROWD)
-    UsdGeom.Scope.Define(stage, CROWD.AppendChild("Prototypes"))
-    UsdGeom.Scope.Define(stage, CROWD.AppendChild("Looks"))
-    for prototype in prototypes:
-        mesh = create_mesh(stage, prototype)
-        instancer.GetPrototypesRel().AddTarget(mesh.GetPath())
+    instancer = UsdGeom.PointInstancer.Define(stage, path)
+    UsdGeom.Scope.Define(stage, path.AppendChild("Prototypes"))
+    UsdGeom.Scope.Define(stage, path.AppendChild("Looks"))
     counts = [prototype.count for prototype in prototypes]
-    bodies = sum(counts)
-    colors = np.repeat(np.array([prototype.color for prototype in prototypes], dtype=np.float32), counts, axis=0)
-    instancer.CreateProtoIndicesAttr(vt_array(Vt.IntArray, np.repeat(np.arange(len(counts), dtype=np.int32), counts)))
-    instancer.CreateIdsAttr(vt_array(Vt.Int64Array, np.arange(bodies, dtype=np.int64)))
-    instancer.CreateScalesAttr(vt_array(Vt.Vec3fArray, np.ones((bodies, 3), dtype=np.float32)))
+    colors = np.array([prototype.color for prototype in prototypes], dtype=np.float32)
+    indices = np.repeat(np.arange(len(counts)), counts)[ids]
+    used, indices_of_used = np.unique(indices, return_inverse=True)
+    for index in used:
+        prototype = prototypes[index]
+        mesh_path, look_path = path.AppendPath(f"Prototypes/{prototype.name}"), path.AppendPath(f"Looks/{prototype.name}")
+        create_mesh(stage, mesh_path, look_path, prototype, options.units_per_meter)
+        instancer.GetPrototypesRel().AddTarget(mesh_path)
+    instancer.CreateProtoIndicesAttr(vt_array(Vt.IntArray, indices_of_used.astype(np.int32)))
+    instancer.CreateIdsAttr(vt_array(Vt.Int64Array, ids))
+    instancer.CreateScalesAttr(vt_array(Vt.Vec3fArray, np.ones((len(ids), 3), dtype=np.float32)))
     display = UsdGeom.PrimvarsAPI(instancer).CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex)
-    display.Set(vt_array(Vt.Vec3fArray, colors))
-    instancer.CreatePositionsAttr()
-    instancer.CreateOrientationsAttr()
-    instancer.CreateVelocitiesAttr()
-    instancer.CreateAngularVelocitiesAttr()
-    instancer.CreateExtentAttr()
+    display.Set(vt_array(Vt.Vec3fArray, colors[indices]))
+    return instancer
 
 
-def create_mesh(stage: Usd.Stage, prototype: Prototype) -> UsdGeom.Mesh:
+def create_mesh(
+    stage: Usd.Stage, mesh_path: Sdf.Path, look_path: Sdf.Path, prototype: Prototype, units_per_meter: float
+) -> UsdGeom.Mesh:
     """A prototype as a mesh with its material."""
-    mesh = UsdGeom.Mesh.Define(stage, CROWD.AppendPath(f"Prototypes/{prototype.name}"))
-    vertices = prototype.vertices
+    mesh = UsdGeom.Mesh.Define(stage, mesh_path)
+    vertices = prototype.vertices * np.float32(units_per_meter)
     mesh.CreatePointsAttr(vt_array(Vt.Vec3fArray, vertices))
     mesh.CreateFaceVertexCountsAttr(vt_array(Vt.IntArray, np.full(len(prototype.faces), 3, dtype=np.int32)))
     mesh.CreateFaceVertexIndicesAttr(vt_array(Vt.IntArray, prototype.faces.ravel()))
@@ -186,7 +217,7 @@ def create_mesh(stage: Usd.Stage, prototype: Prototype) -> UsdGeom.Mesh:
     st.Set(vt_array(Vt.Vec2fArray, prototype.uv))
     color = Gf.Vec3f(*prototype.color)
     mesh.CreateDisplayColorAttr([color])
-    material = UsdShade.Material.Define(stage, CROWD.AppendPath(f"Looks/{prototype.name}"))
+    material = UsdShade.Material.Define(stage, look_path)
     shader = UsdShade.Shader.Define(stage, material.GetPath().AppendChild("Surface"))
     shader.CreateIdAttr("UsdPreviewSurface")
     shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(color)
