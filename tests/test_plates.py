@@ -79,7 +79,7 @@ def test_a_nose_heavy_airplane_settles_into_a_glide(speed) -> None:
 
 def test_a_tail_heavy_airplane_stalls() -> None:
     """Without its clip it rears up until it flies backward or upside down."""
-    shape = library.paper_airplane(nose_mass=0.0)
+    shape = library.paper_airplane(nose_weight=0.0)
     run = flight(shape, 3.0, 4.0)
     ahead = rotate(run["orientations"][:, 0], np.tile(shape.rotation.T @ [1.0, 0.0, 0.0], (241, 1)))
     assert ahead[:, 1].max() > np.sin(np.radians(50.0))

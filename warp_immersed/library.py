@@ -137,14 +137,15 @@ def samara(length: float = 0.04, thickness: float = 1e-4, density: float = 700.0
 
 
 def paper_airplane(
-    length: float = 0.28, span: float = 0.20, thickness: float = 1e-4, density: float = 800.0, nose_mass: float = 1e-3
+    length: float = 0.28, span: float = 0.20, thickness: float = 1e-4, density: float = 800.0, nose_weight: float = 0.16
 ) -> Shape:
     """A dart folded from one sheet: two wings and a keel that meet at a crease, its layers thickest along it.
 
-    nose_mass [kg]: a clip on its nose, which trims it: with 1 g it glides, without it stalls, with more it dives.
+    nose_weight: mass of a clip on its nose over that of the paper, which trims it: 1 g on the default glides, none stalls, more
+    dives.
     """
-    if not (np.isfinite(nose_mass) and nose_mass >= 0.0):
-        raise InputError(f"nose_mass: found {nose_mass!r}, must be a mass [kg] >= 0")
+    if not (isinstance(nose_weight, (int, float)) and np.isfinite(nose_weight) and nose_weight >= 0.0):
+        raise InputError(f"nose_weight: found {nose_weight!r}, must be a number >= 0")
     for name, value in (("length", length), ("span", span), ("thickness", thickness), ("density", density)):
         require_positive(name, value)
     nose, tail = np.array([0.5 * length, 0.0, 0.0]), np.array([-0.5 * length, 0.0, 0.0])
@@ -160,7 +161,8 @@ def paper_airplane(
     mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, visual=trimesh.visual.TextureVisuals(uv=uv), process=False)
     center = mesh.triangles.mean(axis=1)
     layers = np.where(np.abs(center[:, 1]) < 1e-9, 4.0, np.where(np.abs(center[:, 1]) < span / 8.0, 3.0, 1.0))
-    clip = [PointMass(nose_mass, (0.46 * length, 0.0, -0.01 * span))] if nose_mass > 0.0 else []
+    paper = density * thickness * float((layers * mesh.area_faces).sum())
+    clip = [PointMass(nose_weight * paper, (0.46 * length, 0.0, -0.01 * span))] if nose_weight > 0.0 else []
     return Shape.from_mesh(mesh, density, thickness * layers, clip).colored(PAPER_WHITE)
 
 
