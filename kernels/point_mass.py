@@ -23,6 +23,9 @@ wp.set_module_options({"enable_backward": False})
 
 # A body that does not turn keeps its axis in a spin that no one sees.
 SMALLEST_SPIN = wp.constant(1.0e-6)
+# Product of a step and the change of the drag rate within it, and steps that may be taken to keep to it.
+LARGEST_CHANGE = wp.constant(0.2)
+MOST_PIECES = wp.constant(16)
 # Squares above this belong to a body that is lost.
 LARGEST_SQUARE = wp.constant(1.0e30)
 
@@ -91,18 +94,37 @@ def point_start(kind: Any, velocity: Any, spin: Any, axis: Any):
 @wp.func
 def point_step(kind: Any, velocity: Any, spin: Any, pull: Any, time: Any):
     """Velocity without glide, spin, and displacement through the air after a time [s]."""
-    first = drag_rate(kind, wp.length(velocity))
-    # the speed at its end to first order: implicit, for a stiff drag, and right at the terminal speed
-    speed = wp.length(velocity + pull * time) / (type(first)(1.0) + first * time)
-    last = drag_rate(kind, speed)
-    new_velocity, moved = relaxed(velocity, pull, (first + last) * type(first)(0.5), time)
+    start = velocity
+    moved = velocity - velocity
+    rate = drag_rate(kind, wp.length(velocity))
+    speed = wp.length(velocity)
+    left = time
+    way = time - time
+    pieces = wp.int32(0)
+    while left > type(left)(0.0):
+        # the speed at its end to first order: implicit, for a stiff drag, and right at the terminal speed
+        h = left
+        speed = wp.length(start + pull * h) / (type(h)(1.0) + rate * h)
+        last = drag_rate(kind, speed)
+        # on the way to its terminal speed a body takes steps in which its drag does not change beyond recognition
+        change = wp.abs(last - rate) * h
+        if change > type(h)(LARGEST_CHANGE) and pieces < MOST_PIECES:
+            h = h * type(h)(LARGEST_CHANGE) / change
+            speed = wp.length(start + pull * h) / (type(h)(1.0) + rate * h)
+            last = drag_rate(kind, speed)
+        start, passed = relaxed(start, pull, (rate + last) * type(h)(0.5), h)
+        moved += passed
+        way += speed * h
+        rate = last
+        left = left - h
+        pieces += 1
     # an initial spin gives way to tumbling in about the time that drag takes
     turning = wp.length(spin)
-    passed = last * time
-    tumbling = (turning + kind.tumbling * speed * passed) / (type(first)(1.0) + passed)
-    tumbling = wp.max(tumbling, type(first)(SMALLEST_SPIN))
+    passed_time = rate * time
+    tumbling = (turning + kind.tumbling * speed * passed_time) / (type(time)(1.0) + passed_time)
+    tumbling = wp.max(tumbling, type(time)(SMALLEST_SPIN))
     axis = spin / turning
-    return new_velocity, axis * tumbling, moved + glide_across(kind, axis) * (speed * time)
+    return start, axis * tumbling, moved + glide_across(kind, axis) * way
 
 
 @wp.func
