@@ -40,16 +40,16 @@ def drag_rate(kind: Any, speed: Any):
 def relaxed(start: Any, pull: Any, rate: Any, time: Any):
     """Velocity and displacement after a time [s] of dr/dt = pull - rate r, exact."""
     passed = rate * time
-    decay = wp.exp(-passed)
-    # (1 - e^-x) / x, without cancellation where x is small
-    mean = type(rate)(1.0) - passed * type(rate)(0.5) + passed * passed * type(rate)(1.0 / 6.0)
-    if passed > type(rate)(0.02):
-        mean = (type(rate)(1.0) - decay) / passed
-    velocity = start * decay + pull * (mean * time)
+    # e^-x, its mean (1 - e^-x) / x and the remainder (1 - mean) / x, without cancellation where x is small
     remainder = type(rate)(0.5) - passed * type(rate)(1.0 / 6.0)
+    mean = type(rate)(1.0) - passed * remainder
+    decay = type(rate)(1.0) - passed * mean
     if passed > type(rate)(0.02):
-        remainder = (type(rate)(1.0) - mean) / passed
-    return velocity, start * (mean * time) + pull * (remainder * time * time)
+        inverse = type(rate)(1.0) / passed
+        decay = wp.exp(-passed)
+        mean = (type(rate)(1.0) - decay) * inverse
+        remainder = (type(rate)(1.0) - mean) * inverse
+    return start * decay + pull * (mean * time), start * (mean * time) + pull * (remainder * time * time)
 
 
 @wp.func
@@ -123,7 +123,7 @@ def point_step(kind: Any, velocity: Any, spin: Any, pull: Any, time: Any):
     passed_time = rate * time
     tumbling = (turning + kind.tumbling * speed * passed_time) / (type(time)(1.0) + passed_time)
     tumbling = wp.max(tumbling, type(time)(SMALLEST_SPIN))
-    axis = spin / turning
+    axis = spin * (type(time)(1.0) / turning)
     return start, axis * tumbling, moved + glide_across(kind, axis) * way
 
 
@@ -232,11 +232,10 @@ def point_kernel(name, start, advance_state, full_velocity, has_inertia, wind_va
                 if interval > zero and status == MOVING:
                     pull = r - r
                     if has_inertia:
-                        pull = kind.net_weight * (environment.gravity - (air_next - air) / interval)
+                        share = kind.net_weight / kind.point_inertia
+                        pull = (environment.gravity - (air_next - air) * (one / interval)) * share
                         if wind_varies:
-                            slip = as_vector(r, gradient * as_floats(r))
-                            pull -= slip * (kind.point_inertia - kind.net_weight)
-                        pull = pull / kind.point_inertia
+                            pull -= as_vector(r, gradient * as_floats(r)) * (one - share)
                     r, w, moved = advance_state(kind, r, w, pull, interval)
                     moved += (air + air_next) * (type(zero)(0.5) * interval)
                     part = one

@@ -208,7 +208,9 @@ def test_tiny_flakes_with_stiff_drag_are_right_at_film_rates() -> None:
     assert np.abs(run["positions"][-1, :, 1] + 2.0 * points.point.fall_speed).max() < 0.05
 
 
-@pytest.mark.parametrize("shape", [library.disk(), library.birch_leaf(), library.sphere(0.01, 500.0)], ids=["disk", "leaf", "sphere"])
+@pytest.mark.parametrize(
+    "shape", [library.disk(), library.birch_leaf(), library.sphere(0.01, 500.0)], ids=["disk", "leaf", "sphere"]
+)
 def test_points_land_and_rest_like_the_others(shape) -> None:
     """All at rest, lowest point on the ground, lying as bodies of the full model lie."""
     model = model_in(shape, AIR)
@@ -253,10 +255,16 @@ WINDY = Surroundings(AIR, mean_wind=(0.5, 0.0, 0.0), turbulence=HomogeneousTurbu
 
 def crowd(level, count, key) -> Group:
     model = model_in(library.birch_leaf(), AIR)
-    model = without_lift(model, GRAVITY) if level == "kirchhoff" else replace(model, point=replace(model.point, tumbling=5.0, glide=0.3))
+    model = (
+        without_lift(model, GRAVITY)
+        if level == "kirchhoff"
+        else replace(model, point=replace(model.point, tumbling=5.0, glide=0.3))
+    )
     random = np.random.default_rng(7)
     place = random.uniform((-2.0, 1.0, -2.0), (2.0, 3.0, 2.0), (5000, 3))[:count]
-    start = started(place, random_orientations(5000, 8)[:count], release_times=random.uniform(0.0, 1.0, 5000)[:count], count=count)
+    start = started(
+        place, random_orientations(5000, 8)[:count], release_times=random.uniform(0.0, 1.0, 5000)[:count], count=count
+    )
     return Group(model, start, key, level)
 
 

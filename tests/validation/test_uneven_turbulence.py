@@ -64,7 +64,9 @@ def uniform_start(bodies) -> np.ndarray:
 
 
 # steps within a frame, and a frame a step
-@pytest.mark.parametrize(("level", "fps", "bodies"), [("drift", 1.0, 40_000), ("drift", 11.0, 40_000), ("quasi_steady", 2.0, 20_000)])
+@pytest.mark.parametrize(
+    ("level", "fps", "bodies"), [("drift", 1.0, 40_000), ("drift", 11.0, 40_000), ("quasi_steady", 2.0, 20_000)]
+)
 def test_well_mixed_stays_well_mixed(level, fps, bodies) -> None:
     """The density over 2 to 5 time scales: even within 3 % rms, counting noise of about 1 % included."""
     place = np.zeros((bodies, 3))
