@@ -85,7 +85,7 @@ def bound(level: Level, body: Behaviour) -> float:
 
 
 def compare(name: str, wind: float, eddies: float, count: int) -> list[tuple[str, Errors, float]]:
-    """Errors and bounds of the cheaper levels for a body in turbulence of rms `wind` fall speeds, with eddies of that many sizes."""
+    """Errors and bounds of the cheaper levels for a body in turbulence of `wind` fall speeds rms, its eddies that many sizes."""
     make, fluid = BODIES[name]
     shape = make()
     model = body_model(shape, fluid, kirchhoff_tensor(shape, fluid), GRAVITY)
@@ -119,8 +119,9 @@ def main() -> None:
     names = options.bodies.split(",") if options.bodies else QUICK if options.quick else BODIES
     # counting noise of an rms over `count` bodies and two axes, in both runs
     noise = 4.0 * np.sqrt(2.0 / (4.0 * count))
-    print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, Warp {wp.__version__}; {count} bodies, noise {noise:.2f}")
-    print(f"{'body':12} {'u/V':>4} {'eddies':>6}  {'level':10} {'descent':>8} {'spread':>8} {'speed':>8} {'largest':>8} {'bound':>6}")
+    machine = f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, Warp {wp.__version__}"
+    print(f"{machine}; {count} bodies, noise {noise:.2f}")
+    print(f"{'body':12} {'u/V':>4} {'eddies':>6}  {'level':10} {'descent':>8} {'spread':>8} {'speed':>8} {'largest':>8}  bound")
     checked = kept = 0
     for name in names:
         for wind in (0.0, 0.3, 3.0) if options.quick else (0.0, 0.1, 0.3, 1.0, 3.0):
