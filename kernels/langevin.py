@@ -106,31 +106,41 @@ def seen_turbulence(
 
 
 @wp.func
-def local_air(kind: Any, environment: Any, flow: FlowField, position: Any, time: wp.float32):
-    """Mean velocity [m/s], its gradient [1/s], and the turbulence a body sees at a position and time."""
-    mean = environment.mean_wind
-    gradient = wp.mat33()
+def uniform_air(kind: Any, environment: Any, flow: FlowField, position: Any, time: wp.float32):
+    """Mean velocity [m/s], its gradient [1/s], and the turbulence a body sees where they are the same everywhere."""
     seen = SeenTurbulence()
+    seen.sigma = kind.wind_sigma
+    seen.decay = kind.wind_decay
+    seen.rotation_sigma = kind.rotation_sigma
+    seen.rotation_decay = kind.rotation_decay
+    return environment.mean_wind, wp.mat33(), seen
+
+
+@wp.func
+def uneven_air(kind: Any, environment: Any, flow: FlowField, position: Any, time: wp.float32):
+    """The same at a position and time in a flow."""
+    place = as_floats(position)
+    sample = sample_flow(flow, place, time)
+    slope = sample_slope(flow, place, time)
+    seen = seen_turbulence(
+        sample.k,
+        sample.epsilon,
+        slope.k,
+        slope.epsilon,
+        wp.float32(environment.viscosity),
+        kind.eddy_size,
+        wp.float32(environment.wind_step),
+    )
+    return as_vector(environment.mean_wind, sample.velocity), slope.velocity, seen
+
+
+@wp.func
+def local_air(kind: Any, environment: Any, flow: FlowField, position: Any, time: wp.float32):
+    """The same in either case."""
     if environment.wind_varies == 0:
-        seen.sigma = kind.wind_sigma
-        seen.decay = kind.wind_decay
-        seen.rotation_sigma = kind.rotation_sigma
-        seen.rotation_decay = kind.rotation_decay
+        mean, gradient, seen = uniform_air(kind, environment, flow, position, time)
     else:
-        place = as_floats(position)
-        sample = sample_flow(flow, place, time)
-        slope = sample_slope(flow, place, time)
-        mean = as_vector(mean, sample.velocity)
-        gradient = slope.velocity
-        seen = seen_turbulence(
-            sample.k,
-            sample.epsilon,
-            slope.k,
-            slope.epsilon,
-            wp.float32(environment.viscosity),
-            kind.eddy_size,
-            wp.float32(environment.wind_step),
-        )
+        mean, gradient, seen = uneven_air(kind, environment, flow, position, time)
     return mean, gradient, seen
 
 

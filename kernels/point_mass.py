@@ -12,7 +12,7 @@ import warp as wp
 
 from warp_immersed.kernels.ground import part_before_contact, settle, turned, unit_y
 from warp_immersed.kernels.integrate import FAST
-from warp_immersed.kernels.langevin import as_floats, as_vector, local_air, next_air, released_air
+from warp_immersed.kernels.langevin import as_floats, as_vector, next_air, released_air, uneven_air, uniform_air
 from warp_immersed.kernels.philox import STREAM_TUMBLING_AXIS, gaussian_normals
 from warp_immersed.kernels.rigid_body import FAILED, LANDED, MOVING, SETTLING, WAITING
 from warp_immersed.kernels.runge_kutta import compensated_sum
@@ -23,6 +23,11 @@ wp.set_module_options({"enable_backward": False})
 
 # A body that does not turn keeps its axis in a spin that no one sees.
 SMALLEST_SPIN = wp.constant(1.0e-6)
+# Product of a step and the change of the drag rate within it, and steps that may be taken to keep to it.
+LARGEST_CHANGE = wp.constant(0.2)
+MOST_PIECES = wp.constant(16)
+# Squares above this belong to a body that is lost.
+LARGEST_SQUARE = wp.constant(1.0e30)
 
 
 @wp.func
@@ -35,16 +40,16 @@ def drag_rate(kind: Any, speed: Any):
 def relaxed(start: Any, pull: Any, rate: Any, time: Any):
     """Velocity and displacement after a time [s] of dr/dt = pull - rate r, exact."""
     passed = rate * time
-    decay = wp.exp(-passed)
-    # (1 - e^-x) / x, without cancellation where x is small
-    mean = type(rate)(1.0) - passed * type(rate)(0.5) + passed * passed * type(rate)(1.0 / 6.0)
-    if passed > type(rate)(0.02):
-        mean = (type(rate)(1.0) - decay) / passed
-    velocity = start * decay + pull * (mean * time)
+    # e^-x, its mean (1 - e^-x) / x and the remainder (1 - mean) / x, without cancellation where x is small
     remainder = type(rate)(0.5) - passed * type(rate)(1.0 / 6.0)
+    mean = type(rate)(1.0) - passed * remainder
+    decay = type(rate)(1.0) - passed * mean
     if passed > type(rate)(0.02):
-        remainder = (type(rate)(1.0) - mean) / passed
-    return velocity, start * (mean * time) + pull * (remainder * time * time)
+        inverse = type(rate)(1.0) / passed
+        decay = wp.exp(-passed)
+        mean = (type(rate)(1.0) - decay) * inverse
+        remainder = (type(rate)(1.0) - mean) * inverse
+    return start * decay + pull * (mean * time), start * (mean * time) + pull * (remainder * time * time)
 
 
 @wp.func
@@ -89,18 +94,37 @@ def point_start(kind: Any, velocity: Any, spin: Any, axis: Any):
 @wp.func
 def point_step(kind: Any, velocity: Any, spin: Any, pull: Any, time: Any):
     """Velocity without glide, spin, and displacement through the air after a time [s]."""
-    first = drag_rate(kind, wp.length(velocity))
-    guess, _ = relaxed(velocity, pull, first, time)
-    speed = wp.length(guess)
-    last = drag_rate(kind, speed)
-    new_velocity, moved = relaxed(velocity, pull, (first + last) * type(first)(0.5), time)
+    start = velocity
+    moved = velocity - velocity
+    rate = drag_rate(kind, wp.length(velocity))
+    speed = wp.length(velocity)
+    left = time
+    way = time - time
+    pieces = wp.int32(0)
+    while left > type(left)(0.0):
+        # the speed at its end to first order: implicit, for a stiff drag, and right at the terminal speed
+        h = left
+        speed = wp.length(start + pull * h) / (type(h)(1.0) + rate * h)
+        last = drag_rate(kind, speed)
+        # on the way to its terminal speed a body takes steps in which its drag does not change beyond recognition
+        change = wp.abs(last - rate) * h
+        if change > type(h)(LARGEST_CHANGE) and pieces < MOST_PIECES:
+            h = h * type(h)(LARGEST_CHANGE) / change
+            speed = wp.length(start + pull * h) / (type(h)(1.0) + rate * h)
+            last = drag_rate(kind, speed)
+        start, passed = relaxed(start, pull, (rate + last) * type(h)(0.5), h)
+        moved += passed
+        way += speed * h
+        rate = last
+        left = left - h
+        pieces += 1
     # an initial spin gives way to tumbling in about the time that drag takes
     turning = wp.length(spin)
-    passed = last * time
-    tumbling = (turning + kind.tumbling * speed * passed) / (type(first)(1.0) + passed)
-    tumbling = wp.max(tumbling, type(first)(SMALLEST_SPIN))
-    axis = spin / turning
-    return new_velocity, axis * tumbling, moved + glide_across(kind, axis) * (speed * time)
+    passed_time = rate * time
+    tumbling = (turning + kind.tumbling * speed * passed_time) / (type(time)(1.0) + passed_time)
+    tumbling = wp.max(tumbling, type(time)(SMALLEST_SPIN))
+    axis = spin * (type(time)(1.0) / turning)
+    return start, axis * tumbling, moved + glide_across(kind, axis) * way
 
 
 @wp.func
@@ -109,12 +133,13 @@ def point_velocity(kind: Any, velocity: Any, spin: Any):
     return velocity + glide_across(kind, spin) * (wp.length(velocity) / wp.length(spin))
 
 
-def point_kernel(name, start, advance_state, full_velocity, has_inertia):
-    """The frame kernel of a point model; the arguments are those of integrate.frame_kernel.
+def point_kernel(name, start, advance_state, full_velocity, has_inertia, wind_varies):
+    """The frame kernel of a point model, for a wind that varies in space or not; arguments as in integrate.frame_kernel.
 
     While a body moves, `momentum` holds its velocity relative to the seen air and `angular_momentum` its angular velocity, both
     in world axes.
     """
+    air_at = uneven_air if wind_varies else uniform_air
 
     @wp.kernel(name=name, module="unique", module_options=FAST)
     def advance(
@@ -159,6 +184,7 @@ def point_kernel(name, start, advance_state, full_velocity, has_inertia):
             state_out[i] = state[i]
             substeps_out[i] = 0
             return
+        # loaded once more in rare branches, or else the common path pays for their share
         kind = kinds[kind_index[i]]
         environment = environments[0]
         frame = clock[0]
@@ -189,7 +215,7 @@ def point_kernel(name, start, advance_state, full_velocity, has_inertia):
         settling_time = zero
         turn = x - x
         if status == MOVING:
-            mean, gradient, seen = local_air(kind, environment, flow, x, frame_start)
+            mean, gradient, seen = air_at(kind, environment, flow, x, frame_start)
             if released != 0:
                 air, rotation = released_air(mean, seen, kind.random_key, environment.seed, body)
                 axis = tumbling_axis(w, kind.random_key, environment.seed, body)
@@ -197,20 +223,19 @@ def point_kernel(name, start, advance_state, full_velocity, has_inertia):
             for j in range(environment.wind_steps):
                 step = frame * environment.wind_steps + j
                 ahead = x + displacement
-                if environment.wind_varies != 0:
+                if wind_varies:
                     ahead = ahead + (full_velocity(kind, r, w) + air) * wind_step
                 now = frame_start + wp.float32(j + 1) * wp.float32(wind_step)
-                next_mean, next_gradient, next_seen = local_air(kind, environment, flow, ahead, now)
+                next_mean, next_gradient, next_seen = air_at(kind, environment, flow, ahead, now)
                 air_next = next_air(air, mean, seen, next_mean, next_seen, kind.random_key, environment.seed, body, step)
                 interval = wp.min(type(wind_step)(j + 1) * wind_step - idle, wind_step)
                 if interval > zero and status == MOVING:
                     pull = r - r
                     if has_inertia:
-                        pull = kind.net_weight * (environment.gravity - (air_next - air) / interval)
-                        if environment.wind_varies != 0:
-                            slip = as_vector(r, gradient * as_floats(r))
-                            pull -= slip * (kind.point_inertia - kind.net_weight)
-                        pull = pull / kind.point_inertia
+                        share = kind.net_weight / kind.point_inertia
+                        pull = (environment.gravity - (air_next - air) * (one / interval)) * share
+                        if wind_varies:
+                            pull -= as_vector(r, gradient * as_floats(r)) * (one - share)
                     r, w, moved = advance_state(kind, r, w, pull, interval)
                     moved += (air + air_next) * (type(zero)(0.5) * interval)
                     part = one
@@ -220,12 +245,13 @@ def point_kernel(name, start, advance_state, full_velocity, has_inertia):
                         if height < kind.bounding_radius:
                             q = turned(q, turn)
                             turn = x - x
-                            part = part_before_contact(kind, supports, normal, height, sinking, q, turned(q, w * interval))
+                            standing = kinds[kind_index[i]]
+                            part = part_before_contact(standing, supports, normal, height, sinking, q, turned(q, w * interval))
                             if part <= one and kind.net_weight * environment.gravity[1] < zero:
                                 status = SETTLING
                                 settling_time = interval * (one - part)
                                 settling_time += type(zero)(environment.wind_steps - 1 - j) * wind_step
-                            elif part <= one:
+                            elif part <= one and has_inertia:
                                 # a buoyant body is pushed down onto the ground: it keeps off it
                                 r = r - normal * wp.min(wp.dot(normal, r + air_next), zero)
                             part = wp.min(part, one)
@@ -243,13 +269,15 @@ def point_kernel(name, start, advance_state, full_velocity, has_inertia):
         elif status == SETTLING:
             settling_time = wind_step * type(wind_step)(environment.wind_steps)
 
-        if not wp.isfinite(wp.dot(r, r) + wp.dot(displacement, displacement) + q[3]):
+        # a comparison, which infinite and undefined numbers fail: isfinite is a call on the CPU
+        if not (wp.dot(r, r) + wp.dot(displacement, displacement) + q[3] * q[3] < type(zero)(LARGEST_SQUARE)):
             status = FAILED
             q = orientation[i]
             displacement = x - x
         if status == SETTLING and settling_time > zero:
             height = (wp.dot(normal, x) - offset) + wp.dot(normal, displacement + residual)
-            q, r, w, moved, at_rest = settle(kind, supports, rests, normal, height, q, r, w, settling_time)
+            standing = kinds[kind_index[i]]
+            q, r, w, moved, at_rest = settle(standing, supports, rests, normal, height, q, r, w, settling_time)
             displacement += moved
             if at_rest:
                 status = LANDED
@@ -287,5 +315,7 @@ def point_kernel(name, start, advance_state, full_velocity, has_inertia):
     return advance
 
 
-advance_drift = point_kernel("advance_drift", drift_start, drift_step, drift_velocity, False)
-advance_point = point_kernel("advance_point", point_start, point_step, point_velocity, True)
+advance_drift = point_kernel("advance_drift", drift_start, drift_step, drift_velocity, False, False)
+advance_point = point_kernel("advance_point", point_start, point_step, point_velocity, True, False)
+advance_drift_uneven = point_kernel("advance_drift_uneven", drift_start, drift_step, drift_velocity, False, True)
+advance_point_uneven = point_kernel("advance_point_uneven", point_start, point_step, point_velocity, True, True)

@@ -23,6 +23,8 @@ KERNELS: dict[str, wp.Kernel] = {
     "quasi_steady": integrate.advance_quasi_steady,
     "plates": integrate.advance_plates,
 }
+# Points in a flow that varies in space have kernels of their own: looking it up would slow down all others.
+UNEVEN_KERNELS = {**KERNELS, "drift": point_mass.advance_drift_uneven, "point": point_mass.advance_point_uneven}
 
 
 @dataclass(frozen=True)
@@ -82,6 +84,7 @@ class Ensemble:
         emissions = [group.emission for group in groups]
         self._initial = Emission(*(np.concatenate([getattr(e, name) for e in emissions]) for name in vars(emissions[0])))
         self._runs = law_runs(groups)
+        self._kernels = KERNELS if surroundings.flow is None else UNEVEN_KERNELS
         self._fps = fps
         self._real = np.dtype(precision)
         self._device = wp.get_device(device)
@@ -177,7 +180,7 @@ class Ensemble:
             if lower < upper:
                 launches.append(
                     wp.launch(
-                        KERNELS[law],
+                        self._kernels[law],
                         dim=upper - lower,
                         inputs=[lower, *state.constants, *state.schedule, *state.evolving[:-2], lift],
                         outputs=list(outputs.values()),

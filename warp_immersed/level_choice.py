@@ -37,7 +37,7 @@ def model_at_level(
     gravity = float(np.linalg.norm(surroundings.gravity))
     body = behaviour(shape, model, surroundings, None, scale)
     needs_pilot = asked in ("drift", "point") or (asked == "auto" and not body.attitude_shows)
-    if needs_pilot and body.flatness > 0.0 and gravity > 0.0:
+    if needs_pilot and body.roundness < 1.0 and gravity > 0.0:
         fall = cached_fall(model, surroundings.fluid, gravity, cache)
         model = calibrated(model, fall)
         body = behaviour(shape, model, surroundings, fall, scale)
