@@ -1,9 +1,8 @@
 """The ladder of body models: how much of the physics a body is given, and the choice of the cheapest level that will do.
 
-The errors below are bounds on what was measured over leaves, paper, confetti, snow, ash, coins, spheres and ellipsoids at
+The errors below are bounds on what was measured over leaves, paper, confetti, snow, ash, coins, spheres and ellipsoids in
 turbulence of 0 to 3 times their fall speed, in eddies 20 and 200 times their size (`benchmarks/fidelity.py`): error of the mean
-descent, of the horizontal spread and of the horizontal speed against the full model, relative to it (speeds at least to
-the fall speed's fiftieth).
+descent and of the horizontal spread against the full model, relative to the larger of that and the fall.
 """
 
 from dataclasses import dataclass
@@ -83,7 +82,7 @@ def swings(body: Behaviour) -> float:
 
 def lift_error(body: Behaviour) -> float:
     """Error of `kirchhoff` against the full model: plates that swing do not glide without lift."""
-    return max(swings(body), 0.1 * body.flatness)
+    return (swings(body) + 0.1 * body.flatness) * (1.0 + 0.6 * body.wind)
 
 
 def point_error(body: Behaviour) -> float:
