@@ -4,7 +4,7 @@ WORKERS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: run test test-slow lint types bench clean
+.PHONY: run test test-slow lint types bench gallery clean
 
 run: $(VENV)/.run
 	$(BIN)/warp-immersed run falling_leaves -o out/falling_leaves.usdc
@@ -24,6 +24,13 @@ types: $(VENV)/.test
 bench: $(VENV)/.run
 	$(BIN)/python benchmarks/simulate.py
 
+# The pictures in docs/gallery, each from its scene's own output. After a change of the physics: make -B gallery
+gallery: $(patsubst scenes/%.toml,docs/gallery/%.png,$(wildcard scenes/*.toml))
+
+docs/gallery/%.png: scenes/%.toml | $(VENV)/.preview
+	$(BIN)/warp-immersed run $* -o out/gallery/$*.h5
+	$(BIN)/warp-immersed preview out/gallery/$*.h5 -o $@ --size 640x360 --samples 64 --small
+
 clean:
 	rm -rf $(VENV) out build *.egg-info
 
@@ -35,6 +42,10 @@ $(BIN)/python:
 $(VENV)/.run: $(BIN)/python pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
 	@touch $@
+
+$(VENV)/.preview: $(BIN)/python pyproject.toml
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[preview]"
+	@touch $@ $(VENV)/.run
 
 $(VENV)/.test: $(BIN)/python pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[test]"

@@ -154,11 +154,77 @@ def settle(
     return turned_to, left, spin, moved, at_rest and wp.length(left) <= type(height)(0.0)
 
 
+SideHeights = wp.types.vector(length=8, dtype=wp.float32)
+# How far below a surface, besides its own radius, a body may have got in a frame and still be put back onto it.
+FOOTHOLD = wp.constant(0.05)  # m
+# 2^32 over the golden ratio: its multiples fill the circle evenly
+GOLDEN = wp.constant(wp.uint32(2654435769))
+
+
+@wp.func
+def layer_fraction(body: wp.int32):
+    """A number in [0, 1) that is a body's own, spread evenly over any run of bodies (golden ratio)."""
+    return wp.float32((wp.uint32(body) * GOLDEN) >> wp.uint32(8)) * wp.float32(5.9604645e-8)
+
+
+@wp.func
+def surface_below(mesh: wp.uint64, place: wp.vec3, above: wp.float32):
+    """Whether there is a surface below a place raised by `above` [m], its height and its upward normal. A wall is no place to
+    lie: nearly upright faces count as level."""
+    hit = wp.mesh_query_ray(mesh, place + wp.vec3(0.0, above, 0.0), wp.vec3(0.0, -1.0, 0.0), 1.0e6)
+    found = wp.int32(0)
+    normal = wp.vec3(0.0, 1.0, 0.0)
+    height = wp.float32(0.0)
+    if hit.result:
+        found = 1
+        height = place[1] + above - hit.t
+        if wp.abs(hit.normal[1]) > 0.2:
+            normal = hit.normal * wp.sign(hit.normal[1])
+    return found, height, normal
+
+
+@wp.func
+def side_direction(side: wp.int32):
+    """One of eight horizontal directions."""
+    angle = wp.float32(side) * wp.float32(0.78539816)
+    return wp.vec3(wp.cos(angle), 0.0, wp.sin(angle))
+
+
+@wp.func
+def footing(mesh: wp.uint64, place: wp.vec3, above: wp.float32, radius: wp.float32, top: wp.float32, face: wp.vec3):
+    """The plane that a body of this radius [m] near an uneven surface can lie on: normal, and how far it passes over the surface
+    straight below, which is at height `top` and has the normal `face`. It has the slope of the surface across the body and
+    lies on its highest point there, so that nothing pokes through; steps higher than the body is long are no part of it.
+    """
+    rise = SideHeights()  # of the surface over `top`, around the body
+    known = SideHeights()
+    tilt = wp.vec3(0.0)
+    count = wp.float32(0.0)
+    for side in range(8):
+        step = side_direction(side) * radius
+        found, height, normal = surface_below(mesh, place + step, above)
+        if found != 0 and wp.abs(height - top) < 2.0 * radius:
+            rise[side] = height - top
+            known[side] = 1.0
+            count += 1.0
+            tilt += step * (height - top)
+    slope = wp.vec3(-face[0] / face[1], 0.0, -face[2] / face[1])
+    if count > 7.5:
+        slope = tilt / (4.0 * radius * radius)  # least squares
+    raised = wp.float32(0.0)
+    for side in range(8):
+        raised = wp.max(raised, known[side] * (rise[side] - wp.dot(slope, side_direction(side)) * radius))
+    return wp.normalize(wp.vec3(-slope[0], 1.0, -slope[2])), raised
+
+
 @wp.kernel
 def find_ground(
     first: wp.int32,
+    kinds: wp.array(dtype=Any),
+    kind_index: wp.array(dtype=wp.int32),
     environments: wp.array(dtype=Any),
     mesh: wp.uint64,
+    layering: wp.float32,
     state: wp.array(dtype=wp.uint8),
     position: wp.array(dtype=Any),
     normal_out: wp.array(dtype=Any),
@@ -166,8 +232,9 @@ def find_ground(
 ):
     """The ground under bodies first, first + 1, ... as a plane each: unit normal, and its offset (normal . point on it) [m].
 
-    The surface of the mesh straight below, where it is higher than the plane y = height. A launch of its own keeps the ray
-    query out of the frame kernel of scenes that have no mesh. Bodies at rest are passed over.
+    The surface of the mesh (if there is one) straight below, where it is higher than the plane y = height; raised by the
+    body's own part of `layering` [m]. A launch of its own keeps the ray query out of the frame kernel of scenes on a bare
+    plane. Bodies at rest are passed over.
     """
     i = first + wp.tid()
     status = wp.int32(state[i])
@@ -177,18 +244,32 @@ def find_ground(
     x = position[i]
     normal = unit_y(x)
     offset = environment.ground_height
-    start = wp.vec3(wp.float32(x[0]), wp.float32(x[1]), wp.float32(x[2]))
-    hit = wp.mesh_query_ray(mesh, start, wp.vec3(0.0, -1.0, 0.0), 1.0e6)
-    depth = x.dtype(hit.t)
-    if hit.result and (x[1] - depth > offset or environment.has_ground == 0):
-        upward = hit.normal
-        if upward[1] < 0.0:
-            upward = -upward
-        # a wall is no place to lie: nearly upright faces count as level
-        if upward[1] > 0.2:
-            normal = type(x)(x.dtype(upward[0]), x.dtype(upward[1]), x.dtype(upward[2]))
-        offset = wp.dot(normal, x) - normal[1] * depth
-    elif environment.has_ground == 0:
+    if environment.has_ground == 0:
         offset = x.dtype(-1.0e30)
+    if mesh != wp.uint64(0):
+        radius = wp.float32(kinds[kind_index[i]].bounding_radius)
+        place = wp.vec3(wp.float32(x[0]), wp.float32(x[1]), wp.float32(x[2]))
+        above = radius + FOOTHOLD
+        found, top, face = surface_below(mesh, place, above)
+        if found != 0 and (x.dtype(top) > offset or environment.has_ground == 0):
+            upward = face
+            raised = wp.float32(0.0)
+            if place[1] - top < above + radius:
+                upward, raised = footing(mesh, place, above, radius, top, face)
+            normal = type(x)(x.dtype(upward[0]), x.dtype(upward[1]), x.dtype(upward[2]))
+            offset = wp.dot(normal, x) + normal[1] * (x.dtype(top + raised) - x[1])
     normal_out[i] = normal
-    offset_out[i] = offset
+    offset_out[i] = offset + normal[1] * x.dtype(layering * layer_fraction(i))
+
+
+@wp.kernel
+def park_outside(first: wp.int32, lower: wp.vec3, upper: wp.vec3, position: wp.array(dtype=Any), state: wp.array(dtype=wp.uint8)):
+    """Stop bodies first, first + 1, ... that are outside the box, for good: they count as landed where they are."""
+    i = first + wp.tid()
+    x = position[i]
+    outside = wp.int32(0)
+    for axis in range(3):
+        if wp.float32(x[axis]) < lower[axis] or wp.float32(x[axis]) > upper[axis]:
+            outside = 1
+    if outside != 0 and wp.int32(state[i]) != FAILED:
+        state[i] = wp.uint8(LANDED)

@@ -17,7 +17,7 @@ HOST = sorted((ROOT / "warp_immersed").rglob("*.py"))
 
 # Higher rooms may import lower ones only.
 FLOORS = [
-    {"version", "errors", "frame_file", "launch_plan", "remesh", "mesh_size", "fluid_sectors", "feature_curves"},
+    {"version", "errors", "motion", "frame_file", "launch_plan", "remesh", "mesh_size", "fluid_sectors", "feature_curves"},
     {
         "export_options",
         "output_files",
@@ -29,6 +29,7 @@ FLOORS = [
         "exact_tensors",
         "mesh_normals",
         "boundaries",
+        "height_field",
         "poisson",
     },
     {
@@ -44,6 +45,7 @@ FLOORS = [
     },
     {
         "seen_turbulence",
+        "looks",
         "library",
         "force_law",
         "resting",
@@ -59,10 +61,13 @@ FLOORS = [
     {"ensemble", "added_mass", "scene_flow"},
     {"pilot"},
     {"level_choice"},
-    {"recording", "progress", "tensor_report", "usd_samples"},
+    {"recording", "progress", "tensor_report", "usd_samples", "scene_ground"},
     {"usd", "simulation"},
-    {"usd_clips", "usd_shards", "usd_xforms"},
-    {"usd_export", "summary"},
+    {"usd_clips", "usd_ground", "usd_shards", "usd_xforms"},
+    {"usd_export", "summary", "shot"},
+    {"framing"},
+    {"picture"},
+    {"preview", "viewer"},
     {"cli"},
 ]
 HOST_ONLY_CALLS = {

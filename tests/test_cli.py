@@ -330,3 +330,39 @@ MORE_BAD_COMMANDS = [
 def test_other_bad_commands_are_refused_in_one_line(scene, tmp_path, arguments, words) -> None:
     assert_refused(run(*arguments, cwd=tmp_path), *words)
     assert [p.name for p in tmp_path.iterdir()] == ["coins.toml"]
+
+
+def test_scenes_are_listed_and_a_new_one_can_be_run(tmp_path) -> None:
+    result = run("scenes", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    for words in ("autumn_crowd: 10000 bodies", "snow: 100000 bodies", "Maple, oak and birch leaves"):
+        assert words in result.stdout
+    result = run("new", "my_scene", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    before = (tmp_path / "my_scene.toml").read_bytes()
+    assert_refused(run("new", "my_scene", cwd=tmp_path), "my_scene.toml", "exists already")
+    assert (tmp_path / "my_scene.toml").read_bytes() == before
+    result = run("run", "my_scene.toml", "--count-scale", "0.1", "-o", "a.h5", "--no-progress", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert Recording.load(tmp_path / "a.h5").positions.shape == (144, 20, 3)
+    text = before.decode().replace("# [", "[").replace("# lower", "lower").replace("# upper", "upper")
+    text = (
+        text.replace("# position", "position")
+        .replace("# target", "target")
+        .replace("# hills", "hills")
+        .replace("# colors", "colors")
+    )
+    assert wi.Scene.from_text(text).ground.hills is not None, "what is commented out is right too"
+
+
+def test_the_ground_of_a_scene_comes_as_usd(tmp_path) -> None:
+    result = run("ground", "autumn_crowd", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    stage = Usd.Stage.Open(str(tmp_path / "out/autumn_crowd_ground.usdc"))
+    mesh = UsdGeom.Mesh.Get(stage, "/World/Ground")
+    low, high = mesh.GetExtentAttr().Get()
+    assert low[1] == 0.0
+    assert 1.4 < high[1] <= 1.6 + 1e-6
+    assert stage.GetDefaultPrim().GetPath() == "/World"
+    (tmp_path / "coins.toml").write_text(SMALL)
+    assert_refused(run("ground", "coins.toml", cwd=tmp_path), "ground: missing")

@@ -65,7 +65,8 @@ def test_saving_and_loading_changes_nothing(recording, tmp_path) -> None:
     assert again.manifest == recording.manifest
     assert again.fps == recording.fps
     for one, other in zip(again.prototypes, recording.prototypes, strict=True):
-        assert (one.name, one.count, one.color, one.is_sheet) == (other.name, other.count, other.color, other.is_sheet)
+        for name in ("name", "count", "colors", "roughness", "metallic", "is_sheet"):
+            assert getattr(one, name) == getattr(other, name)
         assert np.array_equal(one.vertices, other.vertices)
         assert np.array_equal(one.faces, other.faces)
     with h5py.File(path) as file:

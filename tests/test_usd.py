@@ -56,7 +56,9 @@ def test_every_sample_is_what_was_recorded(stage, recording) -> None:
         assert np.abs(stored - recording.orientations[frame]).max() < 5e-4
     assert not crowd.GetOrientationsfAttr().HasAuthoredValue()
     assert np.array_equal(crowd.GetIdsAttr().Get(), np.arange(50))
-    assert np.array_equal(crowd.GetProtoIndicesAttr().Get(), [0] * 30 + [1] * 20)
+    looks = np.asarray(crowd.GetProtoIndicesAttr().Get())
+    assert (looks[:30] == 0).all()
+    assert set(looks[30:]) == {1, 2, 3, 4}, "every tint is worn"
 
 
 def test_usd_places_the_bodies_where_they_are(stage, recording) -> None:
@@ -84,17 +86,20 @@ def test_extents_contain_every_body(stage, recording) -> None:
 
 def test_prototypes_are_meshes_with_materials(stage, recording) -> None:
     targets = UsdGeom.PointInstancer.Get(stage, CROWD).GetPrototypesRel().GetTargets()
-    assert [t.name for t in targets] == ["coin", "leaf"]
-    for target, prototype in zip(targets, recording.prototypes, strict=True):
+    assert [t.name for t in targets] == ["coin", "leaf_0", "leaf_1", "leaf_2", "leaf_3"]
+    looks = [(prototype, color) for prototype in recording.prototypes for color in prototype.colors]
+    for target, (prototype, color) in zip(targets, looks, strict=True):
         prim = stage.GetPrimAtPath(target)
         mesh = UsdGeom.Mesh(prim)
         assert prim.GetTypeName() == "Mesh", "an Xform around it would become an empty on every instance in Blender"
         assert np.array_equal(mesh.GetPointsAttr().Get(), prototype.vertices)
-        assert mesh.GetDoubleSidedAttr().Get()
+        assert mesh.GetDoubleSidedAttr().Get() == prototype.is_sheet
         assert mesh.GetSubdivisionSchemeAttr().Get() == "none"
         assert UsdGeom.PrimvarsAPI(prim).HasPrimvar("st")
         material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
-        assert material.ComputeSurfaceSource()[0].GetIdAttr().Get() == "UsdPreviewSurface"
+        surface = material.ComputeSurfaceSource()[0]
+        assert surface.GetIdAttr().Get() == "UsdPreviewSurface"
+        assert np.allclose(surface.GetInput("diffuseColor").Get(), color)
 
 
 def test_equal_runs_give_equal_files(recording, path, tmp_path) -> None:

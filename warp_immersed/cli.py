@@ -1,4 +1,4 @@
-"""The command line: `warp-immersed run`, `export`, `bake`, `tensor`, `chart`, `info`."""
+"""The command line: `warp-immersed run`, `preview`, `view` and the rest, a module each."""
 
 import sys
 
@@ -8,9 +8,14 @@ from warp_immersed.commands.bake import bake
 from warp_immersed.commands.chart import chart
 from warp_immersed.commands.console import BAD_INPUT, FAILURE, INTERRUPTED
 from warp_immersed.commands.export import export
+from warp_immersed.commands.ground import ground
 from warp_immersed.commands.info import info
+from warp_immersed.commands.new import new
+from warp_immersed.commands.preview import preview
 from warp_immersed.commands.run import run
+from warp_immersed.commands.scenes import scenes
 from warp_immersed.commands.tensor import tensor
+from warp_immersed.commands.view import view
 from warp_immersed.errors import InputError
 
 app = typer.Typer(
@@ -20,7 +25,7 @@ app = typer.Typer(
     rich_markup_mode=None,  # which would swallow [charts] and [default: ...]
     pretty_exceptions_enable=False,
 )
-for command in (run, export, bake, tensor, chart, info):
+for command in (scenes, new, run, preview, view, export, ground, bake, tensor, chart, info):
     app.command()(command)
 
 

@@ -50,7 +50,8 @@ class Surroundings:
 
     fluid; gravity (3,) [m/s^2]; either a uniform mean_wind (3,) [m/s] with homogeneous turbulence, or a flow that varies in
     space (a baked grid, or a logarithmic wind); and the ground, if any: the plane y = ground_height [m], and a mesh [m]
-    where that lies above it.
+    where that lies above it; each body's raised by its own part of layering [m]. Bodies that leave the box between the
+    corners `bounds` [m] stop there.
     """
 
     fluid: Fluid
@@ -60,6 +61,13 @@ class Surroundings:
     ground_height: float | None = None
     flow: TurbulenceGrid | LogInlet | None = None
     ground_mesh: trimesh.Trimesh | None = None
+    layering: float = 0.0
+    bounds: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+
+    @property
+    def ground_varies(self) -> bool:
+        """Whether the ground is another under every body."""
+        return self.ground_mesh is not None or (self.layering > 0.0 and self.ground_height is not None)
 
 
 @dataclass(frozen=True)
@@ -156,9 +164,9 @@ def allocate(
             array(np.repeat(np.arange(len(groups)), counts), wp.int32),
             array(release_frame, wp.int32),
             array(release_fraction, scalar),
-            # each body's ground plane, where the ground is a mesh
-            wp.zeros(bodies if ground_mesh else 1, dtype=vec3, device=device),
-            wp.zeros(bodies if ground_mesh else 1, dtype=scalar, device=device),
+            # each body's ground plane, where the ground varies
+            wp.zeros(bodies if surroundings.ground_varies else 1, dtype=vec3, device=device),
+            wp.zeros(bodies if surroundings.ground_varies else 1, dtype=scalar, device=device),
         ],
         evolving=[
             wp.full(bodies, WAITING, dtype=wp.uint8, device=device),
@@ -202,7 +210,7 @@ def environment_values(surroundings: Surroundings, frame_time: float, seed: int)
         "wind_varies": int(surroundings.flow is not None),
         "viscosity": surroundings.fluid.kinematic_viscosity,
         "has_ground": int(surroundings.ground_height is not None),
-        "has_ground_mesh": int(surroundings.ground_mesh is not None),
+        "has_ground_mesh": int(surroundings.ground_varies),
         "ground_height": surroundings.ground_height or 0.0,
         "seed": seed,
     }

@@ -13,7 +13,7 @@ from warp_immersed.emitters import Emission
 from warp_immersed.errors import InputError
 from warp_immersed.frame_stepper import CpuStepper, CudaStepper, Outputs, available_threads
 from warp_immersed.kernels import ground, integrate, point_mass
-from warp_immersed.kernels.rigid_body import MOVING, WAITING
+from warp_immersed.kernels.rigid_body import LANDED, MOVING, WAITING
 from warp_immersed.kernels.runge_kutta import MOST_SUBSTEPS
 
 KERNELS: dict[str, wp.Kernel] = {
@@ -87,6 +87,7 @@ class Ensemble:
         self._kernels = KERNELS if surroundings.flow is None else UNEVEN_KERNELS
         self._fps = fps
         self._real = np.dtype(precision)
+        self._surroundings = surroundings
         self._device = wp.get_device(device)
         self._state = allocate(groups, self._initial, surroundings, fps, seed, self._device, precision)
         if self._device.is_cpu:
@@ -151,6 +152,14 @@ class Ensemble:
             array.assign(snapshot[name])
         self._started, self._next, self._body_steps = frame, frame + 1, body_steps
 
+    def parked(self, frame: Frame) -> int:
+        """How many bodies have left the bounds and stopped there."""
+        if self._surroundings.bounds is None:
+            return 0
+        lower, upper = self._surroundings.bounds
+        outside = ((frame.positions < lower) | (frame.positions > upper)).any(axis=1)
+        return int(np.count_nonzero(outside & (frame.state == LANDED)))
+
     def close(self) -> None:
         """Let the device's threads or queues go."""
         self._stepper.close()
@@ -161,19 +170,33 @@ class Ensemble:
             self._started = frame
 
     def _launch(self, first: int, count: int, outputs: Outputs, record: bool) -> list[Any]:
-        state = self._state
+        state, world = self._state, self._surroundings
         launches = []
-        if state.ground_mesh is not None:
+        if world.bounds is not None:
             launches.append(
                 wp.launch(
-                    ground.find_ground,
+                    ground.park_outside,
                     dim=count,
-                    inputs=[first, state.constants[2], wp.uint64(state.ground_mesh.id), *state.evolving[:2]],
-                    outputs=state.schedule[-2:],
+                    inputs=[first, *(wp.vec3(*corner) for corner in world.bounds), state.evolving[1], state.evolving[0]],
                     device=self._device,
                     record_cmd=record,
                 )
             )
+        if world.ground_varies:
+            mesh = wp.uint64(state.ground_mesh.id if state.ground_mesh else 0)
+            launches.append(
+                wp.launch(
+                    ground.find_ground,
+                    dim=count,
+                    inputs=[
+                        first, state.constants[0], state.schedule[0], state.constants[2], mesh, wp.float32(world.layering),
+                        *state.evolving[:2],
+                    ],
+                    outputs=state.schedule[-2:],
+                    device=self._device,
+                    record_cmd=record,
+                )
+            )  # fmt: skip
         for law, start, end in self._runs:
             lower, upper = max(first, start), min(first + count, end)
             lift = state.evolving[-1 if law == "plates" else -2]

@@ -1,6 +1,7 @@
 """Ready-made shapes. Lengths in metres, densities in kg/m^3; every function returns a `Shape`."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import trimesh
@@ -9,12 +10,19 @@ from numpy.typing import ArrayLike, NDArray
 from warp_immersed import leaf_outlines
 from warp_immersed.errors import InputError
 from warp_immersed.mass_properties import PointMass
-from warp_immersed.shape import Shape, require_positive
+from warp_immersed.shape import RGB, Shape, require_positive
 from warp_immersed.sheet_mesh import ellipse_mesh, outline_mesh, rectangle_mesh
 
 Array = NDArray[np.float64]
 
 PAPER_WHITE = (0.86, 0.85, 0.80)
+# Autumn colours of leaves on the ground and in the air, linear RGB.
+MAPLE_COLORS = ((0.50, 0.045, 0.015), (0.62, 0.13, 0.015), (0.70, 0.24, 0.02), (0.36, 0.03, 0.02), (0.60, 0.38, 0.04))
+OAK_COLORS = ((0.27, 0.12, 0.035), (0.34, 0.17, 0.05), (0.22, 0.085, 0.03), (0.36, 0.22, 0.07))
+BIRCH_COLORS = ((0.68, 0.46, 0.03), (0.74, 0.55, 0.06), (0.58, 0.36, 0.03), (0.50, 0.46, 0.07))
+WILLOW_COLORS = ((0.45, 0.42, 0.10), (0.55, 0.46, 0.08), (0.32, 0.34, 0.10))
+GINKGO_COLORS = ((0.78, 0.54, 0.02), (0.74, 0.60, 0.06), (0.68, 0.44, 0.02))
+SAMARA_COLORS = ((0.40, 0.26, 0.10), (0.46, 0.33, 0.14), (0.33, 0.20, 0.08))
 
 
 def ellipsoid(semi_axes: ArrayLike, density: float = 1000.0) -> Shape:
@@ -50,6 +58,12 @@ def disk(diameter: float = 0.04, thickness: float = 1e-4, density: float = 800.0
     return elliptic_paper(diameter, diameter, thickness, density)
 
 
+def coin(diameter: float = 0.02125, thickness: float = 1.67e-3, density: float = 7800.0) -> Shape:
+    """A coin; the default is copper-plated steel and the size of a 5 euro cent piece."""
+    metal = disk(diameter, thickness, density).colored((0.93, 0.52, 0.30), (0.88, 0.44, 0.23), (0.95, 0.66, 0.36))
+    return replace(metal, roughness=0.35, metallic=1.0)
+
+
 def rectangular_paper(length: float = 0.10, width: float = 0.05, thickness: float = 1e-4, density: float = 800.0) -> Shape:
     """A flat rectangular sheet."""
     for name, value in (("length", length), ("width", width)):
@@ -64,27 +78,27 @@ def sheet(outline: ArrayLike, thickness: float = 1e-4, density: float = 800.0) -
 
 def maple_leaf(length: float = 0.07, thickness: float = 2e-4, density: float = 500.0) -> Shape:
     """A sugar maple leaf with a blade of this length (foot to tip)."""
-    return leaf(leaf_outlines.maple(), length, thickness, density, (0.55, 0.10, 0.02), trough=0.10, droop=0.12)
+    return leaf(leaf_outlines.maple(), length, thickness, density, MAPLE_COLORS, trough=0.10, droop=0.12)
 
 
 def oak_leaf(length: float = 0.09, thickness: float = 2e-4, density: float = 500.0) -> Shape:
     """A white oak leaf with a blade of this length."""
-    return leaf(leaf_outlines.oak(), length, thickness, density, (0.30, 0.14, 0.04), trough=0.14, droop=0.10, petiole=0.12)
+    return leaf(leaf_outlines.oak(), length, thickness, density, OAK_COLORS, trough=0.14, droop=0.10, petiole=0.12)
 
 
 def birch_leaf(length: float = 0.05, thickness: float = 1.8e-4, density: float = 500.0) -> Shape:
     """A silver birch leaf with a blade of this length."""
-    return leaf(leaf_outlines.birch(), length, thickness, density, (0.62, 0.42, 0.03), trough=0.12, droop=0.10)
+    return leaf(leaf_outlines.birch(), length, thickness, density, BIRCH_COLORS, trough=0.12, droop=0.10)
 
 
 def willow_leaf(length: float = 0.09, thickness: float = 1.8e-4, density: float = 500.0) -> Shape:
     """A white willow leaf with a blade of this length."""
-    return leaf(leaf_outlines.willow(), length, thickness, density, (0.42, 0.40, 0.10), trough=0.25, droop=0.16, petiole=0.1)
+    return leaf(leaf_outlines.willow(), length, thickness, density, WILLOW_COLORS, trough=0.25, droop=0.16, petiole=0.1)
 
 
 def ginkgo_leaf(length: float = 0.05, thickness: float = 2e-4, density: float = 550.0) -> Shape:
     """A ginkgo leaf with a blade of this length."""
-    return leaf(leaf_outlines.ginkgo(), length, thickness, density, (0.75, 0.52, 0.02), trough=0.06, droop=0.06, petiole=0.7)
+    return leaf(leaf_outlines.ginkgo(), length, thickness, density, GINKGO_COLORS, trough=0.06, droop=0.06, petiole=0.7)
 
 
 def leaf(
@@ -92,7 +106,7 @@ def leaf(
     length: float,
     thickness: float,
     density: float,
-    color: tuple[float, float, float],
+    colors: tuple[RGB, ...],
     trough: float,
     droop: float,
     petiole: float = 0.45,
@@ -115,7 +129,18 @@ def leaf(
     stem = mesh.triangles[:, :, 1].mean(axis=1) < 0.0
     stem &= np.abs(mesh.triangles[:, :, 0]).max(axis=1) < 1.5 * half_width
     mesh.apply_scale(length)
-    return Shape.from_mesh(mesh, density, np.where(stem, max(0.02 * length, thickness), thickness)).colored(color)
+    return Shape.from_mesh(mesh, density, np.where(stem, max(0.02 * length, thickness), thickness)).colored(*colors)
+
+
+def snowflake(diameter: float = 0.008, thickness: float = 5e-4, density: float = 60.0) -> Shape:
+    """A dry flake of snow: a six-armed star of loosely packed ice, which falls flat at some 0.7 m/s."""
+    for name, value in (("diameter", diameter), ("thickness", thickness), ("density", density)):
+        require_positive(name, value)
+    angle = np.pi / 6.0 * np.arange(12)
+    radius = np.where(np.arange(12) % 2 == 0, 0.5, 0.22) * diameter
+    mesh = outline_mesh(np.column_stack([radius * np.cos(angle), radius * np.sin(angle)]), spacing=0.14 * diameter)
+    flake = Shape.from_mesh(mesh, density, thickness).colored((0.90, 0.93, 0.96))
+    return replace(flake, roughness=0.9)
 
 
 def samara(length: float = 0.04, thickness: float = 1e-4, density: float = 700.0) -> Shape:
@@ -133,7 +158,7 @@ def samara(length: float = 0.04, thickness: float = 1e-4, density: float = 700.0
     mesh.vertices[:, 2] = 0.02 * np.sin(np.pi * x) + 0.10 * y**2
     mesh.apply_scale(length)
     face_thickness = np.where(is_nut, 0.06 * length, np.where(front, 4.0 * thickness, thickness))
-    return Shape.from_mesh(mesh, density, face_thickness).colored((0.40, 0.26, 0.10))
+    return Shape.from_mesh(mesh, density, face_thickness).colored(*SAMARA_COLORS)
 
 
 def paper_airplane(
@@ -172,6 +197,7 @@ SHAPES: dict[str, Callable[..., Shape]] = {
         sphere,
         ellipsoid,
         disk,
+        coin,
         elliptic_paper,
         rectangular_paper,
         sheet,
@@ -180,6 +206,7 @@ SHAPES: dict[str, Callable[..., Shape]] = {
         birch_leaf,
         willow_leaf,
         ginkgo_leaf,
+        snowflake,
         samara,
         paper_airplane,
     )

@@ -15,8 +15,8 @@ from warp_immersed.checkpoint import Checkpoint, check_same_run, checkpoint_path
 from warp_immersed.ensemble import Frame
 from warp_immersed.errors import InputError
 from warp_immersed.frame_file import FrameFile, create_frames, is_being_written, new_hdf5, repack
+from warp_immersed.looks import Prototype
 from warp_immersed.output_files import hidden_beside, partial_path, publish
-from warp_immersed.shape import Shape
 
 SCHEMA = "warp-immersed recording"
 SCHEMA_VERSION = 2
@@ -34,43 +34,6 @@ DATASETS = {
     "state": ("1", "0 waiting, 1 moving, 2 landed, 3 failed"),
 }
 TYPES = {"times": "<f8", "body_steps": "<i8", "state": "u1"}
-
-
-@dataclass(frozen=True, eq=False)
-class Prototype:
-    """How one kind of body looks: name; count of bodies; vertices (V, 3) [m] in the principal frame; faces (F, 3); uv
-    (V, 2); color, linear RGB; whether it is a sheet, seen from both sides."""
-
-    name: str
-    count: int
-    vertices: NDArray[Any]
-    faces: NDArray[Any]
-    uv: NDArray[Any]
-    color: tuple[float, float, float]
-    is_sheet: bool
-
-    @staticmethod
-    def from_shape(name: str, count: int, shape: Shape) -> "Prototype":
-        """The look of a shape; a mesh without texture coordinates gets its projection along z."""
-        vertices = np.asarray(shape.mesh.vertices, dtype=np.float32)
-        uv = getattr(shape.mesh.visual, "uv", None)
-        if uv is None or len(uv) != len(vertices):
-            plane = vertices[:, :2]
-            uv = (plane - plane.min(axis=0)) / max(float(np.ptp(plane, axis=0).max()), 1e-12)
-        return Prototype(
-            name=name,
-            count=count,
-            vertices=vertices,
-            faces=np.asarray(shape.mesh.faces, dtype=np.int32),
-            uv=np.asarray(uv, dtype=np.float32),
-            color=shape.color,
-            is_sheet=shape.is_sheet,
-        )
-
-    @property
-    def radius(self) -> float:
-        """Largest distance [m] of a vertex from the centre of mass."""
-        return float(np.linalg.norm(self.vertices, axis=1).max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -348,20 +311,21 @@ def reason_of(error: Exception) -> str:
 
 def write_prototype(group: Any, prototype: Prototype) -> None:
     """Put a prototype into an HDF5 group."""
-    group.attrs.update({"count": prototype.count, "color": prototype.color, "is_sheet": prototype.is_sheet})
+    group.attrs.update({name: getattr(prototype, name) for name in ("count", "colors", "roughness", "metallic", "is_sheet")})
     for name, units in (("vertices", "m"), ("faces", "1"), ("uv", "1")):
         group.create_dataset(name, data=getattr(prototype, name)).attrs["units"] = units
 
 
 def read_prototype(group: Any) -> Prototype:
     """Read a prototype from an HDF5 group."""
-    red, green, blue = (float(c) for c in group.attrs["color"])
     return Prototype(
         name=group.name.rsplit("/", 1)[-1],
         count=int(group.attrs["count"]),
         vertices=group["vertices"][:],
         faces=group["faces"][:],
         uv=group["uv"][:],
-        color=(red, green, blue),
+        colors=tuple((float(r), float(g), float(b)) for r, g, b in group.attrs["colors"]),
+        roughness=float(group.attrs["roughness"]),
+        metallic=float(group.attrs["metallic"]),
         is_sheet=bool(group.attrs["is_sheet"]),
     )

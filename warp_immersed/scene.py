@@ -3,6 +3,7 @@
 import hashlib
 import tomllib
 from importlib import resources
+from itertools import takewhile
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -17,6 +18,7 @@ from warp_immersed.shape_table import ShapeTable, near
 from warp_immersed.turbulence import STILL, HomogeneousTurbulence
 
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False, strict=True)]
+Color = tuple[NotNegative, NotNegative, NotNegative]
 
 
 class Table(BaseModel):
@@ -72,18 +74,70 @@ class BoundaryLayerTable(Table):
     direction: Vector = (1.0, 0.0, 0.0)
 
 
+class HillsTable(Table):
+    """Rolling hills [m] that rise from the plane: how high, their length from top to top, and the rectangle they fill."""
+
+    height: Positive
+    length: Positive
+    size: tuple[Positive, Positive]
+    center: tuple[Number, Number] = (0.0, 0.0)
+
+
+class HeightFieldTable(Table):
+    """A grey image as ground: black is y = lowest, white y = highest [m], over a rectangle of this size (x, z) [m]."""
+
+    image: str
+    lowest: Number = 0.0
+    highest: Number
+    size: tuple[Positive, Positive]
+    center: tuple[Number, Number] = (0.0, 0.0)
+
+
 class GroundTable(Table):
-    """A horizontal plane at height y [m], and what stands on it: a mesh file, or the obstacles of the scene's field."""
+    """A horizontal plane at height y [m], and what stands on it: a mesh file, hills, a height field, the obstacles of the
+    scene's field. layering [m]: each body's ground lies higher by its own part of this, so that flat bodies do not coincide."""
 
     height: Number = 0.0
     mesh: str | None = None
+    hills: HillsTable | None = None
+    height_field: HeightFieldTable | None = None
     obstacles: bool = False
+    layering: Annotated[float, Field(ge=0.0, le=0.1, strict=True)] = 0.0
+
+
+class BoundsTable(Table):
+    """A box [m]: bodies that leave it stop for good where they left, and are counted."""
+
+    lower: Vector
+    upper: Vector
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if not all(low < high for low, high in zip(self.lower, self.upper, strict=True)):
+            raise ValueError(f"found lower {self.lower} and upper {self.upper}, lower must be below upper along every axis")
+        return self
+
+
+class ViewTable(Table):
+    """Where pictures are taken from: position and target [m], field of view across the picture [degrees]; time
+    [s] that a still shows, by default the middle; with several exposures up to then, interval [s] apart, it is a
+    chronophotograph; colours of ground and sky, linear RGB. Nothing of it changes what happens."""
+
+    position: Vector
+    target: Vector
+    field_of_view: Annotated[float, Field(gt=1.0, lt=170.0, strict=True)] = 35.0
+    time: NotNegative | None = None
+    exposures: Annotated[int, Field(ge=1, le=200, strict=True)] = 1
+    interval: Positive = 0.05
+    ground: Color | None = None
+    sky: Color | None = None
 
 
 class BodiesTable(Table):
     """One kind of body: how many, what they are and how they start.
 
-    density [kg/m^3] and thickness [m] may be left out where a library shape has its own; color is linear RGB.
+    density [kg/m^3] and thickness [m] may be left out where a library shape has its own; color is linear RGB, and colors
+    several of them, which the bodies take by their number.
     """
 
     name: Annotated[str, Field(min_length=1, pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
@@ -91,9 +145,16 @@ class BodiesTable(Table):
     shape: ShapeTable
     density: Annotated[float, Field(ge=5.0, le=25000.0, strict=True)] | None = None
     thickness: Positive | None = None
-    color: tuple[NotNegative, NotNegative, NotNegative] | None = None
+    color: Color | None = None
+    colors: Annotated[tuple[Color, ...], Field(min_length=1, max_length=16)] | None = None
     fidelity: Fidelity = "auto"
     emitter: Emitter
+
+    @model_validator(mode="after")
+    def _one_palette(self) -> Self:
+        if self.color is not None and self.colors is not None:
+            raise ValueError("colors: found beside color, must be one of the two")
+        return self
 
 
 Turbulence = Annotated[NoTurbulence | HomogeneousTable | GridTable | BoundaryLayerTable, Field(discriminator="kind")]
@@ -116,6 +177,8 @@ class Scene(Table):
     wind: WindTable | None = None
     turbulence: Turbulence | None = None
     ground: GroundTable | None = None
+    bounds: BoundsTable | None = None
+    view: ViewTable | None = None
     bodies: Annotated[tuple[BodiesTable, ...], Field(min_length=1)]
     _name: str = PrivateAttr("scene")
     _folder: Path = PrivateAttr(Path())
@@ -213,6 +276,12 @@ class Scene(Table):
         return self._text
 
     @property
+    def story(self) -> str:
+        """What the scene is about: the comment its file starts with."""
+        lines = takewhile(lambda line: line.startswith("#"), self._text.splitlines())
+        return " ".join(line.removeprefix("#").strip() for line in lines)
+
+    @property
     def frame_count(self) -> int:
         """Number of frames, the initial state included."""
         return round(self.duration * self.fps)
@@ -249,8 +318,8 @@ def builtin_scenes() -> dict[str, Path]:
 def all_keys() -> list[str]:
     """Every key that some table of the scene file knows."""
     tables: list[type[BaseModel]] = [
-        Scene, FluidTable, WindTable, HomogeneousTable, GridTable, BoundaryLayerTable, GroundTable, BodiesTable, ShapeTable,
-        BoxEmitter, DiskEmitter, PointsEmitter,
+        Scene, FluidTable, WindTable, HomogeneousTable, GridTable, BoundaryLayerTable, GroundTable, HillsTable,
+        HeightFieldTable, BoundsTable, ViewTable, BodiesTable, ShapeTable, BoxEmitter, DiskEmitter, PointsEmitter,
     ]  # fmt: skip
     return sorted({key for table in tables for key in table.model_fields})
 

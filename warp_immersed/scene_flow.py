@@ -1,17 +1,13 @@
-"""What a scene's field stands for: the flow that varies in space, and the obstacles that bodies may land on."""
+"""What a scene's field stands for: the flow that varies in space."""
 
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-import trimesh
-
 from warp_immersed.boundaries import LogInlet
 from warp_immersed.errors import InputError
 from warp_immersed.field_scene import FieldScene, FieldTables
 from warp_immersed.scene import BoundaryLayerTable, GridTable, Scene
-from warp_immersed.shape import load_mesh
 from warp_immersed.tensor_cache import cache_directory
 from warp_immersed.turbulence_grid import TurbulenceGrid
 
@@ -56,36 +52,3 @@ def described_field(scene: Scene, field: str | FieldTables) -> FieldScene | None
         return FieldScene(field, field.model_dump_json(), scene.folder, "field")
     path = scene.folder / Path(field).expanduser()
     return FieldScene.load(path) if path.suffix == ".toml" else None
-
-
-def scene_ground_mesh(scene: Scene) -> trimesh.Trimesh | None:
-    """What stands on the ground plane for bodies to land on, as one mesh; None if nothing does.
-
-    Raises:
-        InputError: a file cannot be used, or there are no obstacles to stand there.
-    """
-    if scene.ground is None:
-        return None
-    meshes = []
-    try:
-        if scene.ground.mesh is not None:
-            meshes.append(load_mesh(scene.folder / Path(scene.ground.mesh).expanduser()))
-        if scene.ground.obstacles:
-            field = scene.turbulence.field if isinstance(scene.turbulence, GridTable) else None
-            described = None if field is None else described_field(scene, field)
-            if described is None:
-                raise InputError("obstacles: need turbulence of kind 'grid' with its field, inline or as a .toml file")
-            for obstacle in described.tables.obstacle:
-                if obstacle.box is not None:
-                    meshes.append(trimesh.creation.box(bounds=np.sort(np.array(obstacle.box, dtype=np.float64), axis=0)))
-                else:
-                    meshes.append(load_mesh(described.folder / str(obstacle.mesh)))
-    except InputError as error:
-        raise InputError(f"{scene.name}.toml: ground: {error}") from error
-    if any(len(mesh.faces) == 0 for mesh in meshes):
-        raise InputError(f"{scene.name}.toml: ground: mesh: has no faces, must be a triangle mesh")
-    if not meshes:
-        return None
-    joined = trimesh.util.concatenate(meshes)
-    assert isinstance(joined, trimesh.Trimesh)
-    return joined

@@ -4,7 +4,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import trimesh
@@ -23,6 +23,7 @@ from warp_immersed.mass_properties import (
 
 Array = NDArray[np.float64]
 Form = Literal["ellipsoid", "elliptic_sheet", "mesh"]
+RGB = tuple[float, float, float]
 
 LEAF_GREEN = (0.24, 0.36, 0.12)
 
@@ -44,7 +45,8 @@ class Shape:
         mass [kg], volume [m^3]; inertia: (3,) [kg m^2], principal moments about the centre of mass, ascending.
         center_of_mass: (3,) [m] and rotation: (3, 3), principal axes as columns, in the coordinates of the mesh given.
         center_of_buoyancy: (3,) [m], centroid of the volume in the principal frame.
-        color: (3,) linear RGB, for pictures only.
+        colors: linear RGB, one or several that bodies of this shape take by their number, roughness and metallic (0 to 1):
+            for pictures only.
     """
 
     mesh: trimesh.Trimesh
@@ -59,7 +61,9 @@ class Shape:
     center_of_mass: Array
     rotation: Array
     center_of_buoyancy: Array
-    color: tuple[float, float, float] = LEAF_GREEN
+    colors: tuple[RGB, ...] = (LEAF_GREEN,)
+    roughness: float = 0.7
+    metallic: float = 0.0
 
     @property
     def is_sheet(self) -> bool:
@@ -71,9 +75,9 @@ class Shape:
         """Radius [m] of the sphere about the centre of mass that contains the mesh."""
         return float(np.linalg.norm(self.mesh.vertices, axis=1).max())
 
-    def colored(self, color: tuple[float, float, float]) -> "Shape":
-        """The same body in another colour (linear RGB)."""
-        return replace(self, color=color)
+    def colored(self, *colors: RGB) -> "Shape":
+        """The same body in other colours (linear RGB)."""
+        return replace(self, colors=colors)
 
     @staticmethod
     def from_mesh(
@@ -107,13 +111,16 @@ class Shape:
             raise InputError(f"thickness: found {thickness!r}, must be positive numbers [m]") from error
         if faces_thickness is not None and not (np.isfinite(faces_thickness).all() and (faces_thickness > 0.0).all()):
             raise InputError(f"thickness: found {thickness!r}, must be positive [m]")
-        surface, faces_thickness = prepare_mesh(load_mesh(mesh), name, faces_thickness)
+        given = load_mesh(mesh)
+        colors = mesh_color(given)
+        surface, faces_thickness = prepare_mesh(given, name, faces_thickness)
         surface.apply_scale(scale)
         if faces_thickness is None:
             integrals = closed_integrals(surface.triangles)
         else:
             integrals = sheet_integrals(surface.triangles, faces_thickness)
-        return assemble(surface, integrals, density, faces_thickness, ballast)
+        body = assemble(surface, integrals, density, faces_thickness, ballast)
+        return body if colors is None else body.colored(colors)
 
     @staticmethod
     def ellipsoid(semi_axes: ArrayLike, density: float, surface: trimesh.Trimesh) -> "Shape":
@@ -154,6 +161,30 @@ def load_mesh(mesh: str | Path | trimesh.Trimesh) -> trimesh.Trimesh:
     return loaded
 
 
+def mesh_color(mesh: trimesh.Trimesh) -> RGB | None:
+    """The colour a mesh file gives, linear RGB: of its material or the mean of its texture, or of its vertices or faces."""
+    visual: Any = mesh.visual
+    if not getattr(visual, "defined", False):
+        return None
+    if visual.kind in ("vertex", "face"):
+        encoded = np.asarray(visual.vertex_colors if visual.kind == "vertex" else visual.face_colors)[:, :3].mean(axis=0)
+    else:
+        material: Any = getattr(visual, "material", None)
+        image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
+        if image is not None:
+            encoded = np.asarray(image.convert("RGB"), dtype=np.float64).reshape(-1, 3).mean(axis=0)
+        elif getattr(material, "baseColorFactor", None) is not None:  # glTF's factors are linear
+            red, green, blue = (float(c) / 255.0 for c in material.main_color[:3])
+            return red, green, blue
+        elif "kd" in getattr(material, "kwargs", {}):  # of an .obj
+            encoded = np.asarray(material.main_color[:3])
+        else:
+            return None
+    value = np.asarray(encoded, dtype=np.float64) / 255.0
+    red, green, blue = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4).tolist()
+    return red, green, blue
+
+
 def prepare_mesh(mesh: trimesh.Trimesh, name: str, thickness: Array | None) -> tuple[trimesh.Trimesh, Array | None]:
     """Check a mesh and repair what can be repaired; thickness comes back as one value a face, or None if closed."""
     if not len(mesh.faces):
@@ -163,6 +194,9 @@ def prepare_mesh(mesh: trimesh.Trimesh, name: str, thickness: Array | None) -> t
     if thickness is not None and thickness.ndim and thickness.shape != (len(mesh.faces),):
         raise InputError(f"thickness: found shape {thickness.shape}, must be one number or ({len(mesh.faces)},), one a face")
     mesh.merge_vertices()
+    if not mesh.is_watertight and thickness is None:
+        # a solid may be open along the seams of its texture only
+        mesh.merge_vertices(merge_tex=True, merge_norm=True)
     good = mesh.area_faces > 1e-14 * np.ptp(mesh.vertices, axis=0).max() ** 2
     if not good.all():
         warnings.warn(f"{name}: dropped {np.count_nonzero(~good)} faces without area", MeshRepairWarning, stacklevel=4)

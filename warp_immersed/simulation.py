@@ -26,9 +26,11 @@ from warp_immersed.errors import InputError
 from warp_immersed.fidelity import Choice, Level
 from warp_immersed.kernels.rigid_body import FAILED
 from warp_immersed.level_choice import Scale, model_at_level
-from warp_immersed.recording import DATASETS, Prototype, Recording
+from warp_immersed.looks import Prototype
+from warp_immersed.recording import DATASETS, Recording
 from warp_immersed.scene import BodiesTable, Scene
-from warp_immersed.scene_flow import scene_flow, scene_ground_mesh
+from warp_immersed.scene_flow import scene_flow
+from warp_immersed.scene_ground import scene_ground_mesh
 from warp_immersed.shape import Shape
 from warp_immersed.shape_table import make_shape
 from warp_immersed.tensor_cache import cache_directory
@@ -84,11 +86,13 @@ class FrameSink(Protocol):
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended: frames written; body_steps taken; ids of failed bodies; whether it was interrupted."""
+    """How a run ended: frames written; body_steps taken; ids of failed bodies; how many were parked
+    outside the bounds; whether it was interrupted."""
 
     frames: int
     body_steps: int
     failed: tuple[int, ...]
+    parked: int
     interrupted: bool
 
 
@@ -110,6 +114,8 @@ def plan(scene: Scene, device: str = "cpu", baking: "Callable[[Progress], None] 
         ground_height=ground,
         flow=scene_flow(scene, device, baking),
         ground_mesh=scene_ground_mesh(scene),
+        layering=0.0 if scene.ground is None else scene.ground.layering,
+        bounds=None if scene.bounds is None else (scene.bounds.lower, scene.bounds.upper),
     )
     kinds, notes = [], []
     for index, table in enumerate(scene.bodies):
@@ -122,6 +128,8 @@ def plan(scene: Scene, device: str = "cpu", baking: "Callable[[Progress], None] 
         notes += [f"{table.name}: {warning.message}" for warning in caught]
         if table.color is not None:
             shape = shape.colored(table.color)
+        if table.colors is not None:
+            shape = shape.colored(*table.colors)
         if ground is not None:
             check_clearance(scene, index, shape, ground, fluid.density)
         model = body_model(shape, fluid, kirchhoff_tensor(shape, fluid), float(np.linalg.norm(scene.gravity)))
@@ -224,6 +232,7 @@ def run(
 
     asked_to_stop = threading.Event()
     failed = np.zeros(0, dtype=np.int64)
+    parked = 0
     try:
         try:
             with interrupts_held(asked_to_stop):
@@ -232,6 +241,7 @@ def run(
                         sink.write(frame)
                     done, body_steps = done + 1, frame.body_steps
                     failed = np.flatnonzero(frame.state == FAILED)
+                    parked = ensemble.parked(frame)
                     if report is not None:
                         report(done, body_steps)
                     if asked_to_stop.is_set():
@@ -248,7 +258,7 @@ def run(
         raise
     finally:
         ensemble.close()
-    return Outcome(done, body_steps, tuple(failed.tolist()), interrupted)
+    return Outcome(done, body_steps, tuple(failed.tolist()), parked, interrupted)
 
 
 @contextmanager

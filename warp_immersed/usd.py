@@ -12,9 +12,9 @@ from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdUtils, Vt
 from warp_immersed.ensemble import Frame
 from warp_immersed.errors import InputError
 from warp_immersed.export_options import ExportOptions
+from warp_immersed.looks import Prototype, look_indices, looks
 from warp_immersed.mesh_normals import vertex_normals
 from warp_immersed.output_files import discard, partial_path, publish
-from warp_immersed.recording import Prototype
 from warp_immersed.usd_samples import SampleWriter, save_layer, vt_array
 
 WORLD = Sdf.Path("/World")
@@ -181,14 +181,14 @@ def create_crowd(
     instancer = UsdGeom.PointInstancer.Define(stage, path)
     UsdGeom.Scope.Define(stage, path.AppendChild("Prototypes"))
     UsdGeom.Scope.Define(stage, path.AppendChild("Looks"))
-    counts = [prototype.count for prototype in prototypes]
-    colors = np.array([prototype.color for prototype in prototypes], dtype=np.float32)
-    indices = np.repeat(np.arange(len(counts)), counts)[ids]
+    wardrobe = looks(prototypes)
+    colors = np.array([look.colors[0] for look in wardrobe], dtype=np.float32)
+    indices = look_indices(prototypes)[ids]
     used, indices_of_used = np.unique(indices, return_inverse=True)
     for index in used:
-        prototype = prototypes[index]
-        mesh_path, look_path = path.AppendPath(f"Prototypes/{prototype.name}"), path.AppendPath(f"Looks/{prototype.name}")
-        create_mesh(stage, mesh_path, look_path, prototype, options.units_per_meter)
+        look = wardrobe[index]
+        mesh_path, look_path = path.AppendPath(f"Prototypes/{look.name}"), path.AppendPath(f"Looks/{look.name}")
+        create_mesh(stage, mesh_path, look_path, look, options.units_per_meter)
         instancer.GetPrototypesRel().AddTarget(mesh_path)
     instancer.CreateProtoIndicesAttr(vt_array(Vt.IntArray, indices_of_used.astype(np.int32)))
     instancer.CreateIdsAttr(vt_array(Vt.Int64Array, ids))
@@ -201,7 +201,7 @@ def create_crowd(
 def create_mesh(
     stage: Usd.Stage, mesh_path: Sdf.Path, look_path: Sdf.Path, prototype: Prototype, units_per_meter: float
 ) -> UsdGeom.Mesh:
-    """A prototype as a mesh with its material."""
+    """A prototype of one colour as a mesh with its material."""
     mesh = UsdGeom.Mesh.Define(stage, mesh_path)
     vertices = prototype.vertices * np.float32(units_per_meter)
     mesh.CreatePointsAttr(vt_array(Vt.Vec3fArray, vertices))
@@ -215,13 +215,14 @@ def create_mesh(
     primvars = UsdGeom.PrimvarsAPI(mesh)
     st = primvars.CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex)
     st.Set(vt_array(Vt.Vec2fArray, prototype.uv))
-    color = Gf.Vec3f(*prototype.color)
+    color = Gf.Vec3f(*prototype.colors[0])
     mesh.CreateDisplayColorAttr([color])
     material = UsdShade.Material.Define(stage, look_path)
     shader = UsdShade.Shader.Define(stage, material.GetPath().AppendChild("Surface"))
     shader.CreateIdAttr("UsdPreviewSurface")
     shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(color)
-    shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(0.7)
+    shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(prototype.roughness)
+    shader.CreateInput("metallic", Sdf.ValueTypeNames.Float).Set(prototype.metallic)
     material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
     UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
     return mesh

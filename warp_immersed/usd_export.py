@@ -8,7 +8,8 @@ import numpy as np
 
 from warp_immersed.errors import InputError
 from warp_immersed.export_options import ExportOptions
-from warp_immersed.recording import Prototype, Recording
+from warp_immersed.looks import Prototype
+from warp_immersed.recording import Recording
 from warp_immersed.usd import CrowdWriter, Ids, UsdWriter
 from warp_immersed.usd_clips import ClipWriter
 from warp_immersed.usd_shards import ShardWriter

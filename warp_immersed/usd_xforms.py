@@ -4,6 +4,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from warp_immersed.ensemble import Frame
+from warp_immersed.looks import look_indices, looks
 from warp_immersed.usd import CROWD, CrowdWriter, create_mesh, rows_of
 from warp_immersed.usd_samples import FRAMES_PER_SAVE, save_layer, stage_orientations, stage_vectors
 
@@ -20,15 +21,15 @@ class XformWriter(CrowdWriter):
         UsdGeom.Xform.Define(stage, CROWD)
         # a class is not drawn itself, and holds its material, which an instance could not reach outside
         folder = stage.CreateClassPrim(CROWD.AppendChild("Prototypes")).GetPath()
-        kinds = np.repeat(np.arange(len(self.prototypes)), [prototype.count for prototype in self.prototypes])[self.ids]
-        for index in np.unique(kinds):
-            prototype = self.prototypes[index]
+        wardrobe, worn = looks(self.prototypes), look_indices(self.prototypes)[self.ids]
+        for index in np.unique(worn):
+            prototype = wardrobe[index]
             root = UsdGeom.Xform.Define(stage, folder.AppendChild(prototype.name)).GetPath()
             create_mesh(stage, root.AppendChild("Mesh"), root.AppendChild("Look"), prototype, self.options.units_per_meter)
         self._bodies = []
         with Sdf.ChangeBlock():
-            for body, index in zip(self.ids.tolist(), kinds.tolist(), strict=True):
-                name = self.prototypes[index].name
+            for body, index in zip(self.ids.tolist(), worn.tolist(), strict=True):
+                name = wardrobe[index].name
                 self._bodies.append(create_body(self.root, CROWD.AppendChild(f"{name}_{body}"), folder.AppendChild(name)))
 
     def _write(self, frame: Frame) -> None:

@@ -102,6 +102,8 @@ def run(
         typer.echo(f"interrupted: {path} is whole with the first {outcome.frames} of {loaded.frame_count} frames ({size})")
         raise typer.Exit(INTERRUPTED)
     typer.echo(f"{path}: {size}, {end - begin:.2f} s of which {ready - begin:.2f} s start-up, {speed}")
+    if outcome.parked:
+        typer.echo(f"note: {outcome.parked} of {loaded.body_count} bodies left the bounds and were parked there")
     if outcome.failed:
         raise RuntimeError(failure_text(outcome.failed, [(kind.table.name, kind.table.count) for kind in planned.kinds]))
 
