@@ -30,6 +30,7 @@ FLOORS = [
         "mesh_normals",
         "boundaries",
         "poisson",
+        "smooth_surface",
     },
     {
         "checkpoint",

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from warp_immersed.feature_curves import FeatureCurves, corner_vertices, feature_curves, nearest_on_curves, trace_curves
+from warp_immersed.feature_curves import SMOOTH, FeatureCurves, corner_vertices, feature_curves, nearest_on_curves, trace_curves
 from warp_immersed.graded_mesh import folded_faces, graded_subdivision
 from warp_immersed.kernels import surface_queries
 from warp_immersed.mesh_checks import warp_mesh
@@ -27,6 +27,8 @@ from warp_immersed.remesh import (
     vertex_rank,
 )
 
+from warp_immersed.smooth_surface import corner_normals, smoothed
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -42,7 +44,8 @@ class Surface:
 
     mesh: its triangles with their patches (parts bounded by rims, creases and sharp edges); curves: those bounds;
     singular: (E,) of mesh_edges(mesh), where meshes crowd; closed: a solid; query: for nearest points;
-    flat: (P,) patches that are plane.
+    flat: (P,) patches that are plane. normals: (F, 3, 3) of the smooth surface at the corners of the faces, see corner_normals.
+    flatness: by how much one axis of the body was stretched more than another.
     """
 
     mesh: PatchMesh
@@ -52,6 +55,8 @@ class Surface:
     closed: bool
     query: wp.Mesh
     flat: Flags
+    normals: Array
+    flatness: float
 
     def put_back(self, points: Array, patches: Indices) -> Array:
         """Nearest points (N, 3) on the surface, or on its curves for patches of -1. Points of flat patches are on them."""
@@ -71,18 +76,23 @@ def nearest_on_surface(surface: Surface, points: Array) -> Array:
     where = wp.array(points.astype(np.float32), dtype=wp.vec3f, device="cpu")
     inputs = [surface.query.id, where]
     wp.launch(surface_queries.nearest_points, dim=len(points), inputs=inputs, outputs=[face, weights], device="cpu")
-    corners = surface.mesh.vertices[surface.mesh.faces[face.numpy()]]
+    found = face.numpy()
+    corners = surface.mesh.vertices[surface.mesh.faces[found]]
     nearest = np.einsum("nk,nki->ni", weights.numpy().astype(np.float64), corners)
     # Into the plane of the nearest face: a smooth rim reaches a little beyond the straight edges of the faces.
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    doubled = np.linalg.norm(normals, axis=1)[:, None]
+    normals /= doubled
     planar = points - np.einsum("ni,ni->n", points - nearest, normals)[:, None] * normals
     outside = np.linalg.norm(planar - nearest, axis=1)
-    return np.where((outside < OVERHANG)[:, None], planar, nearest)
+    planar = np.where((outside < OVERHANG)[:, None], planar, nearest)
+    opposite = np.cross(corners[:, [1, 2, 0]] - planar[:, None], corners[:, [2, 0, 1]] - planar[:, None])
+    parts = np.einsum("nki,ni->nk", opposite, normals) / doubled
+    return smoothed(planar, parts, corners, surface.normals[found])
 
 
-def surface_from(vertices: Array, faces: Indices, closed: bool) -> Surface:
-    """Find the rims, creases, sharp edges and corners of a clean mesh of about unit size."""
+def surface_from(vertices: Array, faces: Indices, closed: bool, flatness: float = 1.0) -> Surface:
+    """Find the rims, creases, sharp edges and corners of a clean mesh of about unit size, stretched by so much."""
     plain = PatchMesh(vertices, faces, np.zeros(len(faces), dtype=np.int64), np.zeros(len(vertices), dtype=bool))
     edges = mesh_edges(plain)
     bent = edge_angles(plain, edges) > (SHARP if closed else FOLD)
@@ -95,10 +105,11 @@ def surface_from(vertices: Array, faces: Indices, closed: bool) -> Surface:
     chains = trace_curves(vertices, edges.ends[chosen], kinds[chosen])
     curves = feature_curves(vertices, chains)
     fixed = plain.fixed.copy()
-    fixed[corner_vertices(curves, chains, float(np.ptp(vertices, axis=0).max()))] = True
+    fixed[corner_vertices(curves, float(np.ptp(vertices, axis=0).max()))] = True
     singular = (kinds == 1) if not closed else edges.feature
     mesh = PatchMesh(vertices, faces, patch, fixed)
-    return Surface(mesh, edges, curves, singular, closed, warp_mesh(vertices, faces), flat_patches(mesh))
+    normals = corner_normals(mesh, edges, edge_angles(mesh, edges) > SMOOTH)
+    return Surface(mesh, edges, curves, singular, closed, warp_mesh(vertices, faces), flat_patches(mesh), normals, flatness)
 
 
 def flat_patches(mesh: PatchMesh) -> Flags:
@@ -186,24 +197,27 @@ def on_surface(surface: Surface, mesh: PatchMesh) -> PatchMesh:
 
 def singular_vertices(surface: Surface, mesh: PatchMesh, edges: Edges) -> Flags:
     """Vertices (V,) of a coarse mesh on rims (sheets) or sharp edges (solids)."""
-    kinds = np.bincount(edges.of_face.ravel(), minlength=len(edges.ends))
-    singular = edges.feature if surface.closed else kinds == 1
     marks = np.zeros(len(mesh.vertices), dtype=bool)
-    marks[edges.ends[singular]] = True
+    marks[edges.ends[singular_edges(surface, mesh, edges)]] = True
     return marks
+
+
+def singular_edges(surface: Surface, mesh: PatchMesh, edges: Edges) -> Flags:
+    """Edges (E,) of a coarse mesh that are rims (sheets) or sharp (solids)."""
+    kinds = np.bincount(edges.of_face.ravel(), minlength=len(edges.ends))
+    return edges.feature if surface.closed else kinds == 1
+
+
+def bridges(surface: Surface, mesh: PatchMesh, edges: Edges) -> Array:
+    """Lengths (E,) of the edges that join two rim vertices without being rim, between which nothing can be crowded; else 0."""
+    marks = singular_vertices(surface, mesh, edges)
+    lengths = np.linalg.norm(mesh.vertices[edges.ends[:, 0]] - mesh.vertices[edges.ends[:, 1]], axis=1)
+    return np.where(marks[edges.ends].all(axis=1) & ~singular_edges(surface, mesh, edges), lengths, 0.0)
 
 
 def without_bridges(surface: Surface, mesh: PatchMesh) -> PatchMesh:
     """Halve the edges that join two rim vertices without being rim, and faces made of rim only."""
-
-    def bridges(mesh: PatchMesh, edges: Edges) -> Array:
-        marks = singular_vertices(surface, mesh, edges)
-        kinds = np.bincount(edges.of_face.ravel(), minlength=len(edges.ends))
-        singular = edges.feature if surface.closed else kinds == 1
-        lengths = np.linalg.norm(mesh.vertices[edges.ends[:, 0]] - mesh.vertices[edges.ends[:, 1]], axis=1)
-        return np.where(marks[edges.ends].all(axis=1) & ~singular, lengths, 0.0)
-
-    mesh = split_where(mesh, bridges, limit=10**6)
+    mesh = split_where(mesh, lambda mesh, edges: bridges(surface, mesh, edges), limit=10**6)
     edges = mesh_edges(mesh)
     whole = singular_vertices(surface, mesh, edges)[mesh.faces].all(axis=1)
     if whole.any():

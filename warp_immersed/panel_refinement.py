@@ -9,9 +9,12 @@ from numpy.typing import NDArray
 from warp_immersed.errors import InputError
 from warp_immersed.mass_properties import closed_integrals
 from warp_immersed.mesh_checks import clean_surface
+from warp_immersed.fan_mesh import fan_mesh
 from warp_immersed.panel_mesh import Surface, coarse_mesh, folded_faces_of, graded_mesh, surface_from
 from warp_immersed.panel_solver import SurfaceTensor, UnresolvedError, positive_symmetric, surface_tensor
-from warp_immersed.remesh import PatchMesh, face_normals
+from warp_immersed.remesh import PatchMesh, face_normals, longest_squared
+from warp_immersed.mesh_errors import kink_error, rim_error
+from warp_immersed.stretching import equalizing_stretch
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -19,15 +22,14 @@ Progress = Callable[[str, float], None]
 Solve = Callable[[Array, Indices], SurfaceTensor]
 
 FACE_LIMIT = 6000  # of one mesh: 3 GB would be 20,000, a minute of one core 10,000
-EXTRAPOLATION = 0.35  # what Richardson's extrapolation leaves of the change it makes, at worst (measured 0.05 to 0.31)
+NEXT_POWER = 1.2  # coefficient of the error's next power of 1/n over that of the square, at worst
+START = 52  # faces for each coarse one to begin with
 DIRECT = (300, 5200)  # closed meshes with so many good faces are solved as they are
 SHAPE_LOSS = 4.0  # error of rotations over that of second moments: they go with differences of these
-DECIMATED = 2500.0  # faces of a solid with too many
+EVEN = (700, 1400, 2800, 5600)  # faces of meshes made for smooth solids
 SHAPELY = 0.01  # twice the area of a good face over the square of its longest side, at least
 EXTRAPOLATED = "panels, two graded meshes extrapolated"
-# Error over unresolved energy: of smooth solids (measured 1/100 to 1/20,000) and of sharp ones (1/26 to 1/86).
-KINKS = (1.0 / 200.0, 1.0 / 25.0)
-HALVES = (1, 2, 3, 4, 6, 8)  # parts of a coarse edge, on the coarser of two meshes
+BUDGET_SLACK = 1.1  # of the faces asked for, to be spent
 LOST = 0.2  # of the tolerance: area that a coarse mesh may lose
 MINOR = 0.02  # modes with less than this of the largest added mass count as if they had so much
 
@@ -73,21 +75,26 @@ def mesh_tensor(
     center = vertices.mean(axis=0)
     size = float(np.abs(vertices - center).max())
     scaled = (vertices - center) / size
+    stretch = equalizing_stretch(scaled, faces, closed)
+    shrink = np.linalg.inv(stretch)
+    stretched = scaled @ stretch
+    flatness = float(np.linalg.cond(stretch))
     true_volume = 1.0
     if closed:
         true_volume = enclosed_volume(scaled, faces) if volume is None else volume / size**3
 
     def solve(vertices: Array, faces: Indices) -> SurfaceTensor:
+        vertices = vertices @ shrink
         if closed:
             vertices = vertices * (true_volume / enclosed_volume(vertices, faces)) ** (1.0 / 3.0)
         return surface_tensor(vertices + center / size, faces, closed, device, threads=threads, progress=progress)
 
     if as_given:
-        result = direct_tensor(surface_from(scaled, faces, closed), solve)
+        result = direct_tensor(surface_from(stretched, faces, closed, flatness), solve)
     elif closed:
-        result = solid_tensor(surface_from(scaled, faces, True), solve, tolerance, face_budget)
+        result = solid_tensor(surface_from(stretched, faces, True, flatness), solve, tolerance, face_budget)
     else:
-        result = remeshed_tensor(surface_from(scaled, faces, False), solve, tolerance, face_budget)
+        result = remeshed_tensor(surface_from(stretched, faces, False, flatness), solve, tolerance, face_budget)
     dimensions = size ** np.array([1.5, 1.5, 1.5, 2.5, 2.5, 2.5])
     return MeshTensor(result.matrix * np.outer(dimensions, dimensions), result.error_estimate, result.faces, result.method)
 
@@ -113,40 +120,73 @@ def measures(vertices: Array, faces: Indices, closed: bool) -> Array:
     return np.array([area, integrals.volume, *np.diag(integrals.second_moment)])
 
 
-def extrapolated(fine: Array, coarse: Array) -> tuple[Array, float]:
-    """Richardson's extrapolation of two tensors on meshes of edge lengths h and 2 h, errors going with h^2.
+def extrapolated(fine: Array, coarse: Array, parts: tuple[int, int]) -> tuple[Array, float]:
+    """Richardson's extrapolation of two tensors on meshes of parts[0] < parts[1] cuts an edge, errors going with the square.
 
-    Returns it and its estimated relative error.
+    Returns it and its estimated relative error: that of the next power, which is left.
     """
-    matrix = fine + (fine - coarse) / 3.0
-    return matrix, EXTRAPOLATION * relative_difference(matrix, fine, 1.0)
+    few, many = parts
+    matrix = fine + (fine - coarse) * few**2 / (many**2 - few**2)
+    return matrix, NEXT_POWER * many / (few * (few + many)) * relative_difference(matrix, fine, 1.0)
+
+
+def best_pair(budget: float) -> tuple[int, int]:
+    """Cuts n < m of a coarse edge, n**2 + m**2 within a budget, of which the extrapolation leaves least, 1 / (n m (n + m))."""
+    pairs = [(n, m) for n in range(1, 40) for m in range(n + 1, 2 * n + 1) if n * n + m * m <= budget and 3 * m >= 4 * n]
+    return max(pairs, key=lambda pair: pair[0] * pair[1] * sum(pair), default=(1, 2))
 
 
 def remeshed_tensor(surface: Surface, solve: Solve, tolerance: float, budget: int | None) -> MeshTensor:
-    """Make a coarse mesh and cut it more and more finely until two such meshes extrapolate to the tolerance."""
-    coarse = fitting_mesh(surface, tolerance, budget)
-    given = measures(surface.mesh.vertices, surface.mesh.faces, surface.closed)
-    count = len(coarse.faces)
-    if budget is not None:
-        halves = [max(h for h in HALVES if h == 1 or 5 * h * h * count <= 1.3 * budget)]
-    else:
-        halves = [h for h in HALVES if h > 1 and 4 * h * h * count <= FACE_LIMIT] or [1]
-    best, failure, spent = None, UnresolvedError(""), 0
-    for half in halves:
-        meshes = [graded_mesh(surface, coarse, parts) for parts in (half, 2 * half)]
+    """Make a coarse mesh and cut it more and more finely until two such meshes extrapolate to the tolerance.
+
+    The coarse mesh is a fan if there is one, and one of even triangles where that fails."""
+    best, failure = None, UnresolvedError("")
+    for base in (lambda: fan_mesh(surface), lambda: fitting_mesh(surface, tolerance, budget)):
+        coarse = base()
+        if coarse is None or (best is not None and budget is not None):
+            continue
         try:
-            coarser, finer = (solve(*mesh) for mesh in meshes)
+            result = cut_tensor(surface, coarse, solve, tolerance, budget)
         except UnresolvedError as problem:
             failure = problem
             continue
-        matrix, error = extrapolated(finer.matrix, coarser.matrix)
-        lost = max(float(np.abs(measures(*mesh, surface.closed) / given - 1.0).max()) for mesh in meshes[1:])
-        spent += sum(len(mesh[1]) for mesh in meshes)
-        best = MeshTensor(positive_symmetric(matrix)[0], error + lost + finer.correction, spent, EXTRAPOLATED)
-        if best.error_estimate <= tolerance:
+        if result is not None and (best is None or result.error_estimate < best.error_estimate):
+            best = result
+        if best is not None and best.error_estimate <= tolerance:
             break
     if best is None:
         raise InputError(f"mesh: {failure}; it is too thin or too jagged to be solved, must have rounder faces") from failure
+    return best
+
+
+def cut_tensor(surface: Surface, coarse: PatchMesh, solve: Solve, tolerance: float, budget: int | None) -> MeshTensor:
+    """The tensor on a coarse mesh cut into n**2 and m**2 parts a face, with n < m as budget or tolerance ask."""
+    given = measures(surface.mesh.vertices, surface.mesh.faces, surface.closed)
+    count = len(coarse.faces)
+    limit = best_pair(FACE_LIMIT * 1.4 / count)
+    pair = min(limit, best_pair(START if budget is None else BUDGET_SLACK * budget / count))
+    best, failure, spent = None, UnresolvedError(""), 0
+    while True:
+        meshes = [graded_mesh(surface, coarse, parts) for parts in pair]
+        try:
+            coarser, finer = (solve(*mesh) for mesh in meshes)
+        except UnresolvedError as problem:
+            failure, wanted = problem, 1.5
+        else:
+            matrix, error = extrapolated(finer.matrix, coarser.matrix, pair)
+            shape = [measures(*mesh, surface.closed) for mesh in meshes]
+            step = pair[0] ** 2 / (pair[1] ** 2 - pair[0] ** 2)
+            lost = float(np.abs((shape[1] + step * (shape[1] - shape[0])) / given - 1.0).max())
+            spent += sum(len(mesh[1]) for mesh in meshes)
+            best = MeshTensor(positive_symmetric(matrix)[0], error + lost + finer.correction, spent, EXTRAPOLATED)
+            if best.error_estimate <= tolerance:
+                break
+            wanted = max(1.3, (error / max(tolerance - lost, 0.5 * tolerance)) ** (1.0 / 3.0))
+        if budget is not None or pair == limit:
+            break
+        pair = min(limit, best_pair(1.05 * wanted**2 * (pair[0] ** 2 + pair[1] ** 2)))
+    if best is None:
+        raise failure
     return best
 
 
@@ -174,12 +214,11 @@ def fitting_mesh(surface: Surface, tolerance: float, budget: int | None) -> Patc
 
 def solid_tensor(surface: Surface, solve: Solve, tolerance: float, budget: int | None) -> MeshTensor:
     """Solids: on the given mesh if it is good and good enough, else on one made for the purpose."""
-    mesh = surface.mesh
-    direct = DIRECT[0] <= len(mesh.faces) <= DIRECT[1] and well_shaped(mesh)
-    ways = [lambda: direct_tensor(surface, solve)] if direct and budget is None else []
-    ways.append(lambda: remeshed_tensor(surface, solve, tolerance, budget))
-    if len(mesh.faces) > DIRECT[1] and budget is None:
-        ways.append(lambda: decimated_tensor(surface, solve))
+    mesh, sharp = surface.mesh, bool(surface.singular.any())
+    ways = [lambda: direct_tensor(surface, solve)] if DIRECT[0] <= len(mesh.faces) <= DIRECT[1] and well_shaped(mesh) else []
+    evenly = [lambda n=n: even_tensor(surface, solve, n) for n in EVEN] if budget is None else [lambda: even_tensor(surface, solve, budget)]
+    cut = [lambda: remeshed_tensor(surface, solve, tolerance, budget)]
+    ways = cut + evenly[:1] if budget is not None and sharp else evenly if budget is not None else ways + (cut + evenly[:1] if sharp else evenly)
     best, failure = None, InputError("")
     for way in ways:
         try:
@@ -198,47 +237,28 @@ def solid_tensor(surface: Surface, solve: Solve, tolerance: float, budget: int |
 
 def well_shaped(mesh: PatchMesh) -> bool:
     """Whether no face is a needle."""
-    corners = mesh.vertices[mesh.faces]
-    sides = ((corners - corners[:, [1, 2, 0]]) ** 2).sum(axis=2).max(axis=1)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return bool((np.linalg.norm(normals, axis=1) > SHAPELY * sides).all())
+    sides = longest_squared(mesh.vertices, mesh.faces)
+    return bool((np.linalg.norm(face_normals(mesh.vertices, mesh.faces), axis=1) > SHAPELY * sides).all())
 
 
-def decimated_tensor(surface: Surface, solve: Solve) -> MeshTensor:
-    """The tensor of a solid on a mesh of fewer, even faces, scaled to the true volume by `solve`."""
-    fewer = coarse_mesh(surface, DECIMATED, even=True)
-    mesh = surface_from(fewer.vertices, fewer.faces, True)
+def even_tensor(surface: Surface, solve: Solve, wanted: int) -> MeshTensor:
+    """The tensor of a solid on a mesh of about so many even faces, scaled to the true volume by `solve`."""
+    even = coarse_mesh(surface, float(wanted), even=True)
+    mesh = surface_from(even.vertices, even.faces, True, surface.flatness)
     true = measures(surface.mesh.vertices, surface.mesh.faces, True)
-    found = measures(fewer.vertices, fewer.faces, True)
+    found = measures(even.vertices, even.faces, True)
     scale = (true[1] / found[1]) ** (1.0 / 3.0)
     lost = float(np.abs(found * scale ** np.array([2.0, 3.0, 5.0, 5.0, 5.0]) / true - 1.0).max())
     result = direct_tensor(mesh, solve)
-    return MeshTensor(result.matrix, result.error_estimate + SHAPE_LOSS * lost, result.faces, "panels on a mesh of fewer faces")
+    return MeshTensor(result.matrix, result.error_estimate + SHAPE_LOSS * lost, result.faces, "panels on a mesh of even faces")
 
 
 def direct_tensor(surface: Surface, solve: Solve) -> MeshTensor:
     """The tensor on the given mesh, and its error from what the mesh does not resolve; for sheets from their rims."""
     vertices, faces = surface.mesh.vertices, surface.mesh.faces
     result = solve(vertices, faces)
-    if surface.closed:
-        diagonal = np.diag(result.matrix)
-        share = KINKS[1 if surface.singular.any() else 0] * result.unresolved
-        error = float((share / np.maximum(diagonal, MINOR * diagonal.max())).max())
-    else:
+    if result.jumps is None:
         error = rim_error(surface)
+    else:
+        error = kink_error(surface, result.jumps, np.diag(result.matrix))
     return MeshTensor(result.matrix, error + result.correction, len(faces), "panels on the given mesh")
-
-
-def rim_error(surface: Surface) -> float:
-    """Relative error of a sheet on a given mesh: the depth of the faces along its rims over the mean half width of the sheet.
-
-
-    On a uniform disk of radius a and edges h that is twice h / a; measured errors are 0.6 h / a (m) and 1.1 h / a (J).
-    """
-    mesh = surface.mesh
-    halves = np.argwhere(surface.singular[surface.edges.of_face])
-    a, b = (mesh.vertices[mesh.faces[halves[:, 0], (halves[:, 1] + k) % 3]] for k in (0, 1))
-    lengths = np.linalg.norm(b - a, axis=1)
-    areas = np.linalg.norm(face_normals(mesh.vertices, mesh.faces), axis=1) / 2.0
-    depth = (2.0 * areas[halves[:, 0]]).sum() / lengths.sum()
-    return float(depth * lengths.sum() / areas.sum())

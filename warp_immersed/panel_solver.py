@@ -39,13 +39,12 @@ class SurfaceTensor:
     """Result on one mesh.
 
     matrix: (6, 6) about the origin for a fluid of 1 kg/m^3, linear then angular, symmetric and positive semidefinite.
-    correction: the relative change that made it so. unresolved: (6,) energy of each flow that is too fine for the mesh
-    (solids only; a multiple of the error, see unresolved_energy).
+    correction: the relative change that made it so. jumps: (F, 3, 6) of the potential at the corners of the faces (solids only).
     """
 
     matrix: Array
     correction: float
-    unresolved: Array
+    jumps: Array | None
 
 
 def surface_tensor(
@@ -89,19 +88,18 @@ def surface_tensor(
     if closed:
         report("trace", 0.8)
         at_corners = corner_jumps(sectors, jumps)
-        unresolved = unresolved_energy(faces, edges, areas, at_corners)
         outside = exterior_potentials(geometry, at_corners, device, threads)
         points = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
         flux = normal_velocities(np.einsum("pk,fki->fpi", points, corners), normals) * (areas / 3.0)[:, None, None]
         tensor = np.tensordot(outside, flux, axes=((0, 1), (0, 1)))
     else:
         tensor = right.T @ jumps
-        unresolved = np.zeros(6)
+        at_corners = None
     tensor, correction = positive_symmetric(tensor)
     if not correction < ASYMMETRY_LIMIT:
         raise UnresolvedError(f"the tensor came out {100.0 * correction:.3g} % unsymmetric or negative on {len(faces)} faces")
     dimensions = size ** np.array([1.5, 1.5, 1.5, 2.5, 2.5, 2.5])
-    return SurfaceTensor(tensor * np.outer(dimensions, dimensions), correction, unresolved * dimensions**2)
+    return SurfaceTensor(tensor * np.outer(dimensions, dimensions), correction, at_corners)
 
 
 def silent(label: str, fraction: float) -> None:
@@ -211,23 +209,6 @@ def corner_jumps(sectors: FluidSectors, unknowns: Array) -> Array:
     """Jumps (F, 3, C) at the corners from the unknowns (count, C)."""
     padded = np.vstack([unknowns, np.zeros((1, unknowns.shape[1]))])
     return padded[sectors.front] - padded[sectors.back]
-
-
-def unresolved_energy(faces: Indices, edges: Array, areas: Array, jumps: Array) -> Array:
-    """How much energy (C,) of each flow is too fine for the mesh, by the kinks of mu across edges; jumps: (F, 3, C).
-
-    Across an edge the slope of mu should be continuous on a smooth surface, bent or not; h times the square of its jump is the
-    usual measure of the error in the energy norm of the hypersingular operator (Carstensen et al., Math. Comp. 70, 2001).
-    """
-    curls = np.einsum("fki,fkc->fic", edges, jumps) / (2.0 * areas)[:, None, None]
-    halves = np.sort(np.stack([faces[:, [1, 2, 0]], faces[:, [2, 0, 1]]], axis=2).reshape(-1, 2), axis=1)
-    order = np.lexsort((halves[:, 1], halves[:, 0]))
-    one, other = order[0::2], order[1::2]  # a closed surface: each edge twice
-    lengths = np.linalg.norm(edges.reshape(-1, 3), axis=1)
-    slopes = np.einsum("fki,fic->fkc", edges, curls).reshape(len(lengths), -1) / lengths[:, None]
-    kinks = slopes[one] + slopes[other]  # the edge runs the other way in the other face
-    patch = areas[one // 3] + areas[other // 3]
-    return (kinks**2).T @ (patch * np.sqrt(patch))
 
 
 def positive_symmetric(tensor: Array) -> tuple[Array, float]:
