@@ -31,6 +31,18 @@ FLOORS = [
         "boundaries",
         "poisson",
         "smooth_surface",
+        "decimation",
+    },
+    {
+        "shape",
+        "turbulence",
+        "counter_random",
+        "turbulence_grid",
+        "flow_setup",
+        "graded_mesh",
+        "mesh_checks",
+        "panel_solver",
+        "stretching",
     },
     {
         "checkpoint",

@@ -9,7 +9,7 @@ from warp_immersed.remesh import face_normals
 Array = NDArray[np.float64]
 
 # Error over the share of kinks: of smooth solids, and of those with sharp edges.
-SMOOTH_KINKS, SHARP_KINKS = 0.1, 0.05
+SMOOTH_KINKS, SHARP_KINKS = 0.08, 0.05
 FLOOR = 0.3  # of the error, times the number of faces
 MINOR = 0.02  # modes with less than this of the largest added mass count as if they had so much
 

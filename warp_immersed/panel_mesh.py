@@ -93,23 +93,40 @@ def nearest_on_surface(surface: Surface, points: Array) -> Array:
 
 def surface_from(vertices: Array, faces: Indices, closed: bool, flatness: float = 1.0) -> Surface:
     """Find the rims, creases, sharp edges and corners of a clean mesh of about unit size, stretched by so much."""
+    return surface_of(marked_mesh(vertices, faces, closed), closed, flatness)
+
+
+def patched_mesh(vertices: Array, faces: Indices, closed: bool) -> PatchMesh:
+    """A clean mesh of about unit size with its patches, bounded by rims, creases and sharp edges."""
     plain = PatchMesh(vertices, faces, np.zeros(len(faces), dtype=np.int64), np.zeros(len(vertices), dtype=bool))
     edges = mesh_edges(plain)
     bent = edge_angles(plain, edges) > (SHARP if closed else FOLD)
-    feature = edges.feature | bent
-    patch = patches_between(faces, edges, feature)
-    mesh = PatchMesh(vertices, faces, patch, plain.fixed)
-    edges = mesh_edges(mesh)
+    return PatchMesh(vertices, faces, patches_between(faces, edges, edges.feature | bent), plain.fixed)
+
+
+def marked_mesh(vertices: Array, faces: Indices, closed: bool) -> PatchMesh:
+    """The same with the corners of its rims, creases and sharp edges fixed."""
+    mesh = patched_mesh(vertices, faces, closed)
+    fixed = mesh.fixed.copy()
+    fixed[corner_vertices(curves_of(mesh, mesh_edges(mesh)), float(np.ptp(vertices, axis=0).max()))] = True
+    return PatchMesh(vertices, faces, mesh.patch, fixed)
+
+
+def curves_of(mesh: PatchMesh, edges: Edges) -> FeatureCurves:
+    """The rims, creases and patch borders of a mesh."""
     kinds = np.bincount(edges.of_face.ravel(), minlength=len(edges.ends))
     chosen = np.flatnonzero(edges.feature)
-    chains = trace_curves(vertices, edges.ends[chosen], kinds[chosen])
-    curves = feature_curves(vertices, chains)
-    fixed = plain.fixed.copy()
-    fixed[corner_vertices(curves, float(np.ptp(vertices, axis=0).max()))] = True
-    singular = (kinds == 1) if not closed else edges.feature
-    mesh = PatchMesh(vertices, faces, patch, fixed)
+    return feature_curves(mesh.vertices, trace_curves(mesh.vertices, edges.ends[chosen], kinds[chosen]))
+
+
+def surface_of(mesh: PatchMesh, closed: bool, flatness: float = 1.0) -> Surface:
+    """A surface of a mesh whose patches and corners are known."""
+    edges = mesh_edges(mesh)
+    kinds = np.bincount(edges.of_face.ravel(), minlength=len(edges.ends))
+    singular = edges.feature if closed else kinds == 1
     normals = corner_normals(mesh, edges, edge_angles(mesh, edges) > SMOOTH)
-    return Surface(mesh, edges, curves, singular, closed, warp_mesh(vertices, faces), flat_patches(mesh), normals, flatness)
+    query, curves = warp_mesh(mesh.vertices, mesh.faces), curves_of(mesh, edges)
+    return Surface(mesh, edges, curves, singular, closed, query, flat_patches(mesh), normals, flatness)
 
 
 def flat_patches(mesh: PatchMesh) -> Flags:

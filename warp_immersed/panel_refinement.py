@@ -1,18 +1,30 @@
 """Added mass of a body to a wanted accuracy: which meshes to solve on, what their results say together, how sure that is."""
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_immersed.decimation import swollen, thinned
 from warp_immersed.errors import InputError
 from warp_immersed.mass_properties import closed_integrals
 from warp_immersed.mesh_checks import clean_surface
 from warp_immersed.fan_mesh import fan_mesh
-from warp_immersed.panel_mesh import Surface, coarse_mesh, folded_faces_of, graded_mesh, surface_from
-from warp_immersed.panel_solver import SurfaceTensor, UnresolvedError, positive_symmetric, surface_tensor
-from warp_immersed.remesh import PatchMesh, face_normals, longest_squared
+from warp_immersed.globe_mesh import globe_mesh
+from warp_immersed.panel_mesh import (
+    Surface,
+    coarse_mesh,
+    folded_faces_of,
+    graded_mesh,
+    marked_mesh,
+    patched_mesh,
+    surface_from,
+    surface_of,
+)
+from warp_immersed.panel_solver import SurfaceTensor, UnresolvedError, positive_symmetric, silent, surface_tensor
+from warp_immersed.remesh import PatchMesh, face_normals, longest_squared, mesh_edges
 from warp_immersed.mesh_errors import kink_error, rim_error
 from warp_immersed.stretching import equalizing_stretch
 
@@ -25,8 +37,10 @@ FACE_LIMIT = 6000  # of one mesh: 3 GB would be 20,000, a minute of one core 10,
 NEXT_POWER = 1.2  # coefficient of the error's next power of 1/n over that of the square, at worst
 START = 52  # faces for each coarse one to begin with
 DIRECT = (300, 5200)  # closed meshes with so many good faces are solved as they are
+MANY, THINNED = 20_000, 5000  # faces of meshes that are thinned first, and to how many
+ROUGH = 0.1  # share of sharp edges, beyond which a solid's mesh is noisy
 SHAPE_LOSS = 4.0  # error of rotations over that of second moments: they go with differences of these
-EVEN = (700, 1400, 2800, 5600)  # faces of meshes made for smooth solids
+EVEN = (1280, 2880, 5120)  # faces of meshes made for smooth solids
 SHAPELY = 0.01  # twice the area of a good face over the square of its longest side, at least
 EXTRAPOLATED = "panels, two graded meshes extrapolated"
 BUDGET_SLACK = 1.1  # of the faces asked for, to be spent
@@ -89,14 +103,39 @@ def mesh_tensor(
             vertices = vertices * (true_volume / enclosed_volume(vertices, faces)) ** (1.0 / 3.0)
         return surface_tensor(vertices + center / size, faces, closed, device, threads=threads, progress=progress)
 
+    lost = 0.0
     if as_given:
         result = direct_tensor(surface_from(stretched, faces, closed, flatness), solve)
-    elif closed:
-        result = solid_tensor(surface_from(stretched, faces, True, flatness), solve, tolerance, face_budget)
     else:
-        result = remeshed_tensor(surface_from(stretched, faces, False, flatness), solve, tolerance, face_budget)
+        if len(faces) > MANY:
+            mesh, lost = fewer_faces(stretched, faces, closed, name, progress or silent)
+        else:
+            mesh = marked_mesh(stretched, faces, closed)
+        surface = surface_of(mesh, closed, flatness)
+        result = (solid_tensor if closed else remeshed_tensor)(surface, solve, tolerance, face_budget)
     dimensions = size ** np.array([1.5, 1.5, 1.5, 2.5, 2.5, 2.5])
-    return MeshTensor(result.matrix * np.outer(dimensions, dimensions), result.error_estimate, result.faces, result.method)
+    return MeshTensor(result.matrix * np.outer(dimensions, dimensions), result.error_estimate + lost, result.faces, result.method)
+
+
+def fewer_faces(vertices: Array, faces: Indices, closed: bool, name: str, report: Progress) -> tuple[PatchMesh, float]:
+    """A thinned mesh in place of one of far more faces than the flow needs, and the relative error that this makes."""
+    wanted = THINNED if closed else 2 * THINNED
+    logging.getLogger("warp_immersed").info("%s: %d faces, thinned to about %d to find its added mass", name, len(faces), wanted)
+    mesh = patched_mesh(vertices, faces, closed)
+    sharp = mesh_edges(mesh).feature.mean() if closed else 0.0
+    if sharp > ROUGH:  # noise, not edges
+        mesh = PatchMesh(vertices, faces, np.zeros(len(faces), dtype=np.int64), mesh.fixed)
+    mesh = thinned(mesh, wanted, report)
+    if closed:
+        mesh = swollen(mesh, enclosed_volume(vertices, faces))
+    lost = shape_loss(vertices, faces, mesh) if closed else 0.0
+    return marked_mesh(mesh.vertices, mesh.faces, closed), lost
+
+
+def shape_loss(vertices: Array, faces: Indices, mesh: PatchMesh) -> float:
+    """Relative error of a solid's tensor on another mesh of the same volume, by its second moments."""
+    true, found = (measures(v, f, True)[1:] for v, f in ((vertices, faces), (mesh.vertices, mesh.faces)))
+    return SHAPE_LOSS * float(np.abs(found[1:] / true[1:] * (true[0] / found[0]) ** (5.0 / 3.0) - 1.0).max())
 
 
 def enclosed_volume(vertices: Array, faces: Indices) -> float:
@@ -216,9 +255,19 @@ def solid_tensor(surface: Surface, solve: Solve, tolerance: float, budget: int |
     """Solids: on the given mesh if it is good and good enough, else on one made for the purpose."""
     mesh, sharp = surface.mesh, bool(surface.singular.any())
     ways = [lambda: direct_tensor(surface, solve)] if DIRECT[0] <= len(mesh.faces) <= DIRECT[1] and well_shaped(mesh) else []
-    evenly = [lambda n=n: even_tensor(surface, solve, n) for n in EVEN] if budget is None else [lambda: even_tensor(surface, solve, budget)]
+    evenly = (
+        [lambda n=n: even_tensor(surface, solve, n) for n in EVEN]
+        if budget is None
+        else [lambda: even_tensor(surface, solve, budget)]
+    )
     cut = [lambda: remeshed_tensor(surface, solve, tolerance, budget)]
-    ways = cut + evenly[:1] if budget is not None and sharp else evenly if budget is not None else ways + (cut + evenly[:1] if sharp else evenly)
+    ways = (
+        cut + evenly[:1]
+        if budget is not None and sharp
+        else evenly
+        if budget is not None
+        else ways + (cut + evenly[:1] if sharp else evenly)
+    )
     best, failure = None, InputError("")
     for way in ways:
         try:
@@ -243,14 +292,12 @@ def well_shaped(mesh: PatchMesh) -> bool:
 
 def even_tensor(surface: Surface, solve: Solve, wanted: int) -> MeshTensor:
     """The tensor of a solid on a mesh of about so many even faces, scaled to the true volume by `solve`."""
-    even = coarse_mesh(surface, float(wanted), even=True)
-    mesh = surface_from(even.vertices, even.faces, True, surface.flatness)
-    true = measures(surface.mesh.vertices, surface.mesh.faces, True)
-    found = measures(even.vertices, even.faces, True)
-    scale = (true[1] / found[1]) ** (1.0 / 3.0)
-    lost = float(np.abs(found * scale ** np.array([2.0, 3.0, 5.0, 5.0, 5.0]) / true - 1.0).max())
-    result = direct_tensor(mesh, solve)
-    return MeshTensor(result.matrix, result.error_estimate + SHAPE_LOSS * lost, result.faces, "panels on a mesh of even faces")
+    even = globe_mesh(surface, wanted) or coarse_mesh(surface, float(wanted), even=True)
+    if not surface.singular.any():
+        even = swollen(even, enclosed_volume(surface.mesh.vertices, surface.mesh.faces))
+    result = direct_tensor(surface_from(even.vertices, even.faces, True, surface.flatness), solve)
+    error = result.error_estimate + shape_loss(surface.mesh.vertices, surface.mesh.faces, even)
+    return MeshTensor(result.matrix, error, result.faces, "panels on a mesh of even faces")
 
 
 def direct_tensor(surface: Surface, solve: Solve) -> MeshTensor:
