@@ -31,6 +31,7 @@ FLOORS = [
         "boundaries",
         "poisson",
         "smooth_surface",
+        "slab",
         "decimation",
     },
     {

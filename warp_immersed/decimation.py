@@ -44,22 +44,3 @@ def turning_points(mesh: PatchMesh) -> NDArray[np.bool_]:
     np.add.at(total, ends[:, 0], along)
     np.subtract.at(total, ends[:, 1], along)
     return np.linalg.norm(total, axis=1) > 2.0 * np.sin(TURN / 2.0)
-
-
-def swollen(mesh: PatchMesh, volume: float) -> PatchMesh:
-    """A closed mesh with its vertices moved along their normals by one distance, such that it encloses a volume.
-
-    Faces between points of a smooth surface cut off what bulges between them, where it is most bent; scaling about the middle would
-    rather move what lies far out.
-    """
-    vertices = mesh.vertices
-    for _ in range(4):
-        normals = face_normals(vertices, mesh.faces)
-        lacking = volume - np.einsum("fi,fi->", vertices[mesh.faces[:, 0]], normals) / 6.0
-        sums = np.zeros_like(vertices)
-        for corner in range(3):
-            np.add.at(sums, mesh.faces[:, corner], normals)
-        outward = sums / np.linalg.norm(sums, axis=1)[:, None]
-        # Moved outward by d the vertices sweep d times a third of the areas around them, as seen along the normals.
-        vertices = vertices + lacking / (np.einsum("vi,vi->", outward, sums) / 6.0) * outward
-    return PatchMesh(vertices, mesh.faces, mesh.patch, mesh.fixed)

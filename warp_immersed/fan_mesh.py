@@ -5,6 +5,7 @@ of faces run along the rim, and two cuts of one fan are similar, as Richardson's
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +45,7 @@ class Stretch:
 
 def fan_mesh(surface: Surface) -> PatchMesh | None:
     """A fan on each patch of a surface; None if a patch has not one simple border that is seen whole from its middle."""
-    mesh, curves = surface.mesh, surface.curves
+    curves = surface.curves
     borders = patch_borders(surface)
     if borders is None:
         return None
@@ -57,11 +58,11 @@ def fan_mesh(surface: Surface) -> PatchMesh | None:
         if fan is None:
             return None
         if not wide:
-            break
+            spoiled = len(folded_faces_of(surface, fan)) or bridges(surface, fan, mesh_edges(fan)).any()
+            return None if spoiled else fan
         for stretch in wide:
             stretch.pieces += 1
-    bad = wide or len(folded_faces_of(surface, fan)) or bridges(surface, fan, mesh_edges(fan)).any()
-    return None if bad else fan
+    return None
 
 
 def patch_borders(surface: Surface) -> list[list[tuple[int, bool]]] | None:
@@ -94,7 +95,7 @@ def curve_stretches(surface: Surface, curve: int) -> list[Stretch]:
         bounds = [0, *(np.flatnonzero(fixed[chain[1:-1]]) + 1).tolist(), count]
     on_rim = surface.singular[first_edge(surface, curve)]
     stretches = []
-    for first, last in zip(bounds[:-1], bounds[1:], strict=True):
+    for first, last in pairwise(bounds):
         k = np.arange(first, last + 1)
         along = arcs[k % count] + (k // count) * arcs[-1]
         at_points = turn[(k[:-1] - 1) % count].copy()  # at the start of each segment
@@ -146,9 +147,10 @@ def assembled(
         nodes += [node(point, None) for point in where[1:-1]]
         nodes.append(node(surface.mesh.vertices[stretch.ends[1]], stretch.ends[1]))
         for patch, forward in borders[stretch.curve]:
-            for a, b in zip(nodes[:-1], nodes[1:], strict=True):
+            for a, b in pairwise(nodes):
                 sides[patch].append((a, b, stretch) if forward else (b, a, stretch))
-    faces, labels, wide = [], [], []
+    faces, labels = [], []
+    wide: list[Stretch] = []
     vertices = np.array(points)
     for patch, pieces in enumerate(sides):
         after = {a: b for a, b, _ in pieces}

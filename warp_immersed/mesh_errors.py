@@ -19,7 +19,7 @@ def kink_error(surface: Surface, jumps: Array, diagonal: Array) -> float:
 
     Across an edge the slope of mu should be continuous on a smooth surface, bent or not; h times the square of its jump is the
     usual measure of the error in the energy norm of the hypersingular operator (Carstensen et al., Math. Comp. 70, 2001).
-    It is taken in the stretched body, where it does not depend on flatness; the error of ellipsoids then grows with its logarithm.
+    It is taken in the stretched body, where it hardly depends on flatness; the error of ellipsoids grows with the logarithm.
     """
     vertices, faces = surface.mesh.vertices, surface.mesh.faces
     corners = vertices[faces]

@@ -16,6 +16,7 @@ from warp_immersed.mesh_size import bend_samples, rim_samples, size_field
 from warp_immersed.remesh import (
     Edges,
     PatchMesh,
+    edge_angles,
     face_normals,
     flip_edges,
     mesh_edges,
@@ -26,7 +27,6 @@ from warp_immersed.remesh import (
     vertex_patch,
     vertex_rank,
 )
-
 from warp_immersed.smooth_surface import corner_normals, smoothed
 
 Array = NDArray[np.float64]
@@ -136,15 +136,6 @@ def flat_patches(mesh: PatchMesh) -> Flags:
     first = np.unique(mesh.patch, return_index=True)[1]
     off = np.linalg.norm(np.cross(normals, normals[first][mesh.patch]), axis=1) > 1e-6
     return np.bincount(mesh.patch, off) == 0
-
-
-def edge_angles(mesh: PatchMesh, edges: Edges) -> Array:
-    """Angle (E,) between the normals of the two faces of each edge; 0 at rims and creases."""
-    corners = mesh.vertices[mesh.faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    one, other = normals[edges.first], normals[edges.second]
-    angle = np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), np.einsum("ei,ei->e", one, other))
-    return np.where(edges.feature, 0.0, angle)
 
 
 def patches_between(faces: Indices, edges: Edges, feature: Flags) -> Indices:

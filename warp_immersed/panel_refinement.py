@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_immersed.decimation import swollen, thinned
+from warp_immersed.decimation import thinned
 from warp_immersed.errors import InputError
+from warp_immersed.fan_mesh import fan_mesh
+from warp_immersed.feature_curves import SMOOTH
+from warp_immersed.globe_mesh import globe_mesh
 from warp_immersed.mass_properties import closed_integrals
 from warp_immersed.mesh_checks import clean_surface
-from warp_immersed.fan_mesh import fan_mesh
-from warp_immersed.globe_mesh import globe_mesh
+from warp_immersed.mesh_errors import kink_error, rim_error
 from warp_immersed.panel_mesh import (
     Surface,
     coarse_mesh,
@@ -25,7 +27,8 @@ from warp_immersed.panel_mesh import (
 )
 from warp_immersed.panel_solver import SurfaceTensor, UnresolvedError, positive_symmetric, silent, surface_tensor
 from warp_immersed.remesh import PatchMesh, face_normals, longest_squared, mesh_edges
-from warp_immersed.mesh_errors import kink_error, rim_error
+from warp_immersed.slab import Slab, middle_sheet
+from warp_immersed.smooth_surface import swollen
 from warp_immersed.stretching import equalizing_stretch
 
 Array = NDArray[np.float64]
@@ -38,6 +41,7 @@ NEXT_POWER = 1.2  # coefficient of the error's next power of 1/n over that of th
 START = 52  # faces for each coarse one to begin with
 DIRECT = (300, 5200)  # closed meshes with so many good faces are solved as they are
 MANY, THINNED = 20_000, 5000  # faces of meshes that are thinned first, and to how many
+SLAB_EXCESS = 4.0  # what a slab's thickness adds over that of its middle sheet, times thickness over width (measured 2 to 4)
 ROUGH = 0.1  # share of sharp edges, beyond which a solid's mesh is noisy
 SHAPE_LOSS = 4.0  # error of rotations over that of second moments: they go with differences of these
 EVEN = (1280, 2880, 5120)  # faces of meshes made for smooth solids
@@ -100,8 +104,18 @@ def mesh_tensor(
     def solve(vertices: Array, faces: Indices) -> SurfaceTensor:
         vertices = vertices @ shrink
         if closed:
-            vertices = vertices * (true_volume / enclosed_volume(vertices, faces)) ** (1.0 / 3.0)
+            volume = enclosed_volume(vertices, faces)
+            if not volume > 0.1 * true_volume:
+                raise UnresolvedError(f"{len(faces)} faces enclose {volume / true_volume:.2g} of the volume")
+            vertices = vertices * (true_volume / volume) ** (1.0 / 3.0)
         return surface_tensor(vertices + center / size, faces, closed, device, threads=threads, progress=progress)
+
+    def solve_sheet(slab: Slab) -> MeshTensor:
+        sheet = mesh_tensor(
+            slab.vertices + center / size, slab.faces, False, None, tolerance, face_budget, False, device, threads
+        )
+        error = sheet.error_estimate + SLAB_EXCESS * slab.thinness
+        return MeshTensor(sheet.matrix, error, sheet.faces, "panels on the middle sheet of a slab")
 
     lost = 0.0
     if as_given:
@@ -112,7 +126,13 @@ def mesh_tensor(
         else:
             mesh = marked_mesh(stretched, faces, closed)
         surface = surface_of(mesh, closed, flatness)
-        result = (solid_tensor if closed else remeshed_tensor)(surface, solve, tolerance, face_budget)
+        slab = middle_sheet(patched_mesh(mesh.vertices @ shrink, mesh.faces, True)) if closed else None
+        if slab is not None:
+            result = solid_tensor(surface, solve, tolerance, face_budget, lambda: solve_sheet(slab))
+        elif closed:
+            result = solid_tensor(surface, solve, tolerance, face_budget)
+        else:
+            result = remeshed_tensor(surface, solve, tolerance, face_budget)
     dimensions = size ** np.array([1.5, 1.5, 1.5, 2.5, 2.5, 2.5])
     return MeshTensor(result.matrix * np.outer(dimensions, dimensions), result.error_estimate + lost, result.faces, result.method)
 
@@ -127,7 +147,7 @@ def fewer_faces(vertices: Array, faces: Indices, closed: bool, name: str, report
         mesh = PatchMesh(vertices, faces, np.zeros(len(faces), dtype=np.int64), mesh.fixed)
     mesh = thinned(mesh, wanted, report)
     if closed:
-        mesh = swollen(mesh, enclosed_volume(vertices, faces))
+        mesh = swollen(mesh, enclosed_volume(vertices, faces), SMOOTH)
     lost = shape_loss(vertices, faces, mesh) if closed else 0.0
     return marked_mesh(mesh.vertices, mesh.faces, closed), lost
 
@@ -251,23 +271,20 @@ def fitting_mesh(surface: Surface, tolerance: float, budget: int | None) -> Patc
     return best
 
 
-def solid_tensor(surface: Surface, solve: Solve, tolerance: float, budget: int | None) -> MeshTensor:
-    """Solids: on the given mesh if it is good and good enough, else on one made for the purpose."""
+def solid_tensor(
+    surface: Surface, solve: Solve, tolerance: float, budget: int | None, as_slab: Callable[[], MeshTensor] | None = None
+) -> MeshTensor:
+    """Solids: on the given mesh if good and good enough, else as a slab if it is one, else on a mesh made for the purpose."""
     mesh, sharp = surface.mesh, bool(surface.singular.any())
-    ways = [lambda: direct_tensor(surface, solve)] if DIRECT[0] <= len(mesh.faces) <= DIRECT[1] and well_shaped(mesh) else []
-    evenly = (
-        [lambda n=n: even_tensor(surface, solve, n) for n in EVEN]
-        if budget is None
-        else [lambda: even_tensor(surface, solve, budget)]
-    )
-    cut = [lambda: remeshed_tensor(surface, solve, tolerance, budget)]
-    ways = (
-        cut + evenly[:1]
-        if budget is not None and sharp
-        else evenly
-        if budget is not None
-        else ways + (cut + evenly[:1] if sharp else evenly)
-    )
+    least, most = DIRECT if budget is None else (0.7 * budget, 1.1 * budget)
+    ways = [lambda: direct_tensor(surface, solve)] if least <= len(mesh.faces) <= most and well_shaped(mesh) else []
+    even = [lambda n=n: even_tensor(surface, solve, n) for n in (EVEN if budget is None else (budget,))]
+    if as_slab is not None:
+        ways.append(as_slab)
+    elif sharp:
+        ways += [lambda: remeshed_tensor(surface, solve, tolerance, budget), *even[:1]]
+    else:
+        ways += even
     best, failure = None, InputError("")
     for way in ways:
         try:
@@ -277,7 +294,7 @@ def solid_tensor(surface: Surface, solve: Solve, tolerance: float, budget: int |
             continue
         if best is None or result.error_estimate < best.error_estimate:
             best = result
-        if best.error_estimate <= tolerance:
+        if best.error_estimate <= tolerance or budget is not None:
             break
     if best is None:
         raise failure
@@ -294,7 +311,7 @@ def even_tensor(surface: Surface, solve: Solve, wanted: int) -> MeshTensor:
     """The tensor of a solid on a mesh of about so many even faces, scaled to the true volume by `solve`."""
     even = globe_mesh(surface, wanted) or coarse_mesh(surface, float(wanted), even=True)
     if not surface.singular.any():
-        even = swollen(even, enclosed_volume(surface.mesh.vertices, surface.mesh.faces))
+        even = swollen(even, enclosed_volume(surface.mesh.vertices, surface.mesh.faces), SMOOTH)
     result = direct_tensor(surface_from(even.vertices, even.faces, True, surface.flatness), solve)
     error = result.error_estimate + shape_loss(surface.mesh.vertices, surface.mesh.faces, even)
     return MeshTensor(result.matrix, error, result.faces, "panels on a mesh of even faces")

@@ -123,6 +123,14 @@ def face_normals(vertices: Array, faces: Indices) -> Array:
     return np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]])
 
 
+def edge_angles(mesh: PatchMesh, edges: Edges) -> Array:
+    """Angle (E,) between the normals of the two faces of each edge; 0 at rims and creases."""
+    normals = face_normals(mesh.vertices, mesh.faces)
+    one, other = normals[edges.first], normals[edges.second]
+    angle = np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), np.einsum("ei,ei->e", one, other))
+    return np.where(edges.feature, 0.0, angle)
+
+
 def longest_squared(vertices: Array, faces: Indices) -> Array:
     """Square (F,) of the longest side of each face."""
     sides = vertices[faces] - vertices[faces[:, [1, 2, 0]]]

@@ -1,8 +1,8 @@
 """Where the smooth surface lies whose samples the vertices of a mesh are.
 
 A mesh whose faces meet at small angles stands for a smooth surface. With the normals n_i at its corners p_i known to second
-order, the point q = sum w_i p_i of a face belongs to the point q - 1/2 sum w_i ((q - p_i) . n_i) n_i of that surface: half way from
-the face to the mean of the tangent planes, which is exact for quadrics (with 3/4 instead of 1/2 it is Phong tessellation:
+order, the point q = sum w_i p_i of a face belongs to the point q - 1/2 sum w_i ((q - p_i) . n_i) n_i of that surface: half way
+from the face to the mean of the tangent planes, which is exact for quadrics (with 3/4 instead of 1/2 it is Phong tessellation:
 Boubekeur and Alexa, ACM Trans. Graph. 27, 2008).
 """
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 
-from warp_immersed.remesh import Edges, PatchMesh
+from warp_immersed.remesh import Edges, PatchMesh, edge_angles, face_normals, mesh_edges
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -38,7 +38,7 @@ def corner_normals(mesh: PatchMesh, edges: Edges, sharp: NDArray[np.bool_]) -> A
 
 
 def mean_normals(points: Array, faces: Indices) -> Array:
-    """Normals (V, 3), exact on spheres: means over corners weighted with sin(angle) / product of sides (Max, J. Graph. Tools 4, 1999)."""
+    """Normals (V, 3), exact on spheres: corners weigh sin(angle) / product of sides (Max, J. Graph. Tools 4, 1999)."""
     total = np.zeros_like(points)
     for k in range(3):
         at, one, other = (points[faces[:, (k + j) % 3]] for j in range(3))
@@ -82,3 +82,39 @@ def smoothed(points: Array, weights: Array, corners: Array, normals: Array) -> A
     """Points (N, 3) of faces moved to the smooth surface; weights (N, 3) of their corners (N, 3, 3) with normals (N, 3, 3)."""
     above = np.einsum("nki,nki->nk", points[:, None] - corners, normals)
     return points - 0.5 * np.einsum("nk,nk,nki->ni", weights, above, normals)
+
+
+def swollen(mesh: PatchMesh, volume: float, smooth: float) -> PatchMesh:
+    """A closed mesh with its vertices moved along their normals such that it encloses a volume.
+
+    Faces between points of a smooth surface cut off what bulges between them: vertices move as far as the faces around them lie
+    under it, all times one factor, or all by one distance where that does not make up for the volume. (Scaling about the middle
+    would rather move what lies far out.)
+    smooth: angle between faces of a smooth surface [rad].
+    """
+    edges = mesh_edges(mesh)
+    normals = corner_normals(mesh, edges, edge_angles(mesh, edges) > smooth)
+    corners, faces = mesh.vertices[mesh.faces], mesh.faces
+    centers, thirds = corners.mean(axis=1), np.full((len(faces), 3), 1.0 / 3.0)
+    across = face_normals(mesh.vertices, faces)
+    areas = np.linalg.norm(across, axis=1)
+    under = np.einsum("fi,fi->f", smoothed(centers, thirds, corners, normals) - centers, across) / areas
+    around, depth, outward = np.zeros(len(mesh.vertices)), np.zeros(len(mesh.vertices)), np.zeros_like(mesh.vertices)
+    for k in range(3):
+        np.add.at(around, faces[:, k], areas)
+        np.add.at(depth, faces[:, k], areas * under)
+        np.add.at(outward, faces[:, k], across)
+    outward /= np.linalg.norm(outward, axis=1)[:, None]
+    depth /= around
+    for steps in (depth, np.ones(len(depth))):
+        vertices, factor = mesh.vertices, 0.0
+        for _ in range(4):
+            now = face_normals(vertices, faces)
+            lacking = volume - np.einsum("fi,fi->", vertices[faces[:, 0]], now) / 6.0
+            swept = np.einsum("fki,fi->", (steps[:, None] * outward)[faces], now) / 6.0
+            step = lacking / swept if swept != 0.0 else np.inf
+            factor += step
+            vertices = vertices + step * steps[:, None] * outward
+        if 0.3 < factor < 1.5:
+            break
+    return PatchMesh(vertices, faces, mesh.patch, mesh.fixed)
