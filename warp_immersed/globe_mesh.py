@@ -4,6 +4,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_immersed.feature_curves import feature_curves
 from warp_immersed.graded_mesh import graded_subdivision
 from warp_immersed.kernels import surface_queries
 from warp_immersed.panel_mesh import Surface, nearest_on_surface
@@ -50,7 +51,8 @@ def sphere_mesh(parts: int) -> tuple[Array, Indices]:
     faces[inward] = faces[inward][:, ::-1]
     base = PatchMesh(corners, faces, np.zeros(20, dtype=np.int64), np.zeros(12, dtype=bool))
     none = np.zeros(12, dtype=bool)
-    vertices, cut = graded_subdivision(base, none, parts, None, lambda points, _: points)
+    no_curves = feature_curves(corners, [])
+    vertices, cut = graded_subdivision(base, none, parts, no_curves, lambda points, _: points)
     return vertices / np.linalg.norm(vertices, axis=1)[:, None], cut
 
 

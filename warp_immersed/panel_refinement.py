@@ -41,6 +41,7 @@ NEXT_POWER = 1.2  # coefficient of the error's next power of 1/n over that of th
 START = 52  # faces for each coarse one to begin with
 DIRECT = (300, 5200)  # closed meshes with so many good faces are solved as they are
 MANY, THINNED = 20_000, 5000  # faces of meshes that are thinned first, and to how many
+SLAB_ERROR = 0.03  # estimated error of a slab's sheet that is not worth more work
 SLAB_EXCESS = 4.0  # what a slab's thickness adds over that of its middle sheet, times thickness over width (measured 2 to 4)
 ROUGH = 0.1  # share of sharp edges, beyond which a solid's mesh is noisy
 SHAPE_LOSS = 4.0  # error of rotations over that of second moments: they go with differences of these
@@ -281,7 +282,8 @@ def solid_tensor(
     even = [lambda n=n: even_tensor(surface, solve, n) for n in (EVEN if budget is None else (budget,))]
     if as_slab is not None:
         ways.append(as_slab)
-    elif sharp:
+        tolerance = max(tolerance, SLAB_ERROR)
+    if sharp:
         ways += [lambda: remeshed_tensor(surface, solve, tolerance, budget), *even[:1]]
     else:
         ways += even

@@ -12,6 +12,7 @@ Indices = NDArray[np.int64]
 
 THIN = 0.05  # of the width
 SIDES = 0.8  # least part of the area that the two sides have
+WALL = 0.25  # relative difference that the height of the wall between them may have from their mean distance
 
 
 @dataclass(frozen=True)
@@ -36,9 +37,10 @@ def middle_sheet(mesh: PatchMesh) -> Slab | None:
     volume = np.einsum("fi,fi->", vertices[mesh.faces[:, 0]], normals) / 6.0
     thickness = 2.0 * volume / (areas[side] + areas[other])
     width = areas[side] / np.linalg.norm(np.ptp(vertices, axis=0))
-    if not 0.0 < thickness < THIN * width:
-        return None
     mine = mesh.patch == side
+    wall = areas.sum() - areas[side] - areas[other]
+    if not 0.0 < thickness < THIN * width or abs(wall / (thickness * border_length(vertices, mesh.faces[mine])) - 1.0) > WALL:
+        return None
     outward = np.zeros_like(vertices)
     for corner in range(3):
         np.add.at(outward, mesh.faces[mine, corner], normals[mine])
@@ -46,3 +48,11 @@ def middle_sheet(mesh: PatchMesh) -> Slab | None:
     outward = outward[used] / np.linalg.norm(outward[used], axis=1)[:, None]
     sheet = vertices[used] - 0.5 * thickness * outward
     return Slab(sheet, np.searchsorted(used, mesh.faces[mine]), float(thickness / width))
+
+
+def border_length(vertices: Array, faces: Indices) -> float:
+    """Length of the edges of one face."""
+    halves = np.sort(np.stack([faces, faces[:, [1, 2, 0]]], axis=2).reshape(-1, 2), axis=1)
+    edges, counts = np.unique(halves, axis=0, return_counts=True)
+    ends = vertices[edges[counts == 1]]
+    return float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).sum())
