@@ -8,6 +8,7 @@ from trimesh.creation import icosphere
 
 from tests.surfaces import airplane, disk, ellipsoid, leaf, leaf_like, slab_of, square
 from tests.test_panel_solver import worst_error
+from warp_immersed.errors import InputError
 from warp_immersed.exact_tensors import ellipsoid_tensor, elliptic_sheet_tensor
 from warp_immersed.panel_refinement import best_pair, mesh_tensor
 from warp_immersed.panel_solver import surface_tensor
@@ -113,11 +114,17 @@ def test_a_huge_mesh_is_thinned_and_says_so(caplog: pytest.LogCaptureFixture) ->
             True,
             progress=lambda label, part: steps.append((label, part)),
         )
-    assert "81920 faces, thinned to about" in caplog.text
+    assert "81920 faces; will be checked and thinned to about 5000" in caplog.text
     assert steps[0] == ("thinning 81920 faces", 0.0)
     assert found.faces < 6000
     error = worst_error(found.matrix, ellipsoid_tensor(axes, ball.volume / (4.0 / 3.0 * np.pi)))
     assert error < 0.003
+
+
+def test_a_huge_mesh_is_not_solved_as_it_is() -> None:
+    ball = icosphere(6)
+    with pytest.raises(InputError, match="81920 faces; to be solved as it is"):
+        mesh_tensor(np.asarray(ball.vertices), np.asarray(ball.faces), True, as_given=True)
 
 
 @pytest.mark.parametrize("thickness", [0.02, 0.003, 0.0005])

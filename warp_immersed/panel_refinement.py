@@ -90,6 +90,11 @@ def mesh_tensor(
     approximates it. tolerance: relative error wanted. face_budget: faces to spend in all, instead of a tolerance.
     as_given: solve on the given triangles, whatever their quality. Raises InputError for a mesh that cannot be used.
     """
+    if len(faces) > MANY and as_given:
+        raise InputError(f"{name}: has {len(faces)} faces; to be solved as it is a mesh must have at most {MANY}")
+    if len(faces) > MANY:
+        thinning = "%s: %d faces; will be checked and thinned to about %d to find its added mass"
+        logging.getLogger("warp_immersed").info(thinning, name, len(faces), THINNED if closed else 2 * THINNED)
     vertices, faces = clean_surface(vertices, faces, closed, name)
     center = vertices.mean(axis=0)
     size = float(np.abs(vertices - center).max())
@@ -123,7 +128,7 @@ def mesh_tensor(
         result = direct_tensor(surface_from(stretched, faces, closed, flatness), solve)
     else:
         if len(faces) > MANY:
-            mesh, lost = fewer_faces(stretched, faces, closed, name, progress or silent)
+            mesh, lost = fewer_faces(stretched, faces, closed, progress or silent)
         else:
             mesh = marked_mesh(stretched, faces, closed)
         surface = surface_of(mesh, closed, flatness)
@@ -138,10 +143,9 @@ def mesh_tensor(
     return MeshTensor(result.matrix * np.outer(dimensions, dimensions), result.error_estimate + lost, result.faces, result.method)
 
 
-def fewer_faces(vertices: Array, faces: Indices, closed: bool, name: str, report: Progress) -> tuple[PatchMesh, float]:
+def fewer_faces(vertices: Array, faces: Indices, closed: bool, report: Progress) -> tuple[PatchMesh, float]:
     """A thinned mesh in place of one of far more faces than the flow needs, and the relative error that this makes."""
     wanted = THINNED if closed else 2 * THINNED
-    logging.getLogger("warp_immersed").info("%s: %d faces, thinned to about %d to find its added mass", name, len(faces), wanted)
     mesh = patched_mesh(vertices, faces, closed)
     sharp = mesh_edges(mesh).feature.mean() if closed else 0.0
     if sharp > ROUGH:  # noise, not edges
