@@ -35,17 +35,6 @@ FLOORS = [
         "slab",
     },
     {
-        "shape",
-        "turbulence",
-        "counter_random",
-        "turbulence_grid",
-        "flow_setup",
-        "graded_mesh",
-        "mesh_checks",
-        "panel_solver",
-        "stretching",
-    },
-    {
         "checkpoint",
         "shape",
         "turbulence",
@@ -55,6 +44,7 @@ FLOORS = [
         "graded_mesh",
         "mesh_checks",
         "panel_solver",
+        "stretching",
     },
     {
         "seen_turbulence",
