@@ -1,7 +1,7 @@
 """Boundary elements on flat triangles: the integrals of 1/r that the added-mass solver is made of.
 
-Every kernel is generic in its scalar type and compiled for float64 and float32. Rows of the output belong to one thread
-each, and sums run in a fixed order, so results do not depend on how a launch is sliced.
+Every kernel works in float64: across a body a few hundred times as wide as thick float32 would leave three digits. Rows of the
+output belong to one thread each, and sums run in a fixed order, so results do not depend on how a launch is sliced.
 
 With n the unit normal, h the height of the point x above the plane, and for each edge i of length l_i: m_i its outward normal
 in the plane, d_i the distance from the foot of x to it (positive inside) and L_i = int dl / r along it,
@@ -17,7 +17,6 @@ import warp as wp
 
 wp.set_module_options({"enable_backward": False})
 
-vec6f = wp.types.vector(length=6, dtype=wp.float32)
 vec6d = wp.types.vector(length=6, dtype=wp.float64)
 
 
@@ -200,13 +199,7 @@ def exterior_trace(
     potential_out[f, point] = (total - constant * here) * area.dtype(0.07957747154594767)
 
 
-def _compile_for(scalar, vec3, mat33, vec6):
-    """Declare the kernels for one scalar type."""
-    vectors, scalars = wp.array(dtype=vec3), wp.array(dtype=scalar)
-    faces = [vectors] * 5 + [scalars] * 2 + [wp.array(dtype=mat33)]
-    wp.overload(pair_potentials, [int, int, scalar, *faces, wp.array2d(dtype=scalar)])
-    wp.overload(exterior_trace, [int, scalar, *faces, *[wp.array(dtype=vec6)] * 3, wp.array2d(dtype=vec6)])
-
-
-_compile_for(wp.float64, wp.vec3d, wp.mat33d, vec6d)
-_compile_for(wp.float32, wp.vec3f, wp.mat33f, vec6f)
+_VECTORS, _SCALARS = wp.array(dtype=wp.vec3d), wp.array(dtype=wp.float64)
+_FACES = [_VECTORS] * 5 + [_SCALARS] * 2 + [wp.array(dtype=wp.mat33d)]
+wp.overload(pair_potentials, [int, int, wp.float64, *_FACES, wp.array2d(dtype=wp.float64)])
+wp.overload(exterior_trace, [int, wp.float64, *_FACES, *[wp.array(dtype=vec6d)] * 3, wp.array2d(dtype=vec6d)])

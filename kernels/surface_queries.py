@@ -19,6 +19,14 @@ def nearest_points(
     weights_out[i] = wp.vec3f(query.u, query.v, 1.0 - query.u - query.v)
 
 
+@wp.kernel
+def ray_hits(mesh: wp.uint64, origin: wp.vec3f, directions: wp.array(dtype=wp.vec3f), distance_out: wp.array(dtype=float)):
+    """Distance at which each ray, of unit direction, from one origin meets the mesh first; 0 if it does not."""
+    i = wp.tid()
+    query = wp.mesh_query_ray(mesh, origin, directions[i], 10.0)
+    distance_out[i] = wp.where(query.result, query.t, 0.0)
+
+
 @wp.func
 def segment_crosses(a: wp.vec3d, b: wp.vec3d, p: wp.vec3d, q: wp.vec3d, r: wp.vec3d, margin: wp.float64):
     """Whether the segment a b passes through the inside of the triangle p q r, `margin` (a fraction) away from all borders."""

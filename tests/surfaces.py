@@ -53,6 +53,30 @@ def leaf(rings: int) -> tuple[Array, Indices]:
     return np.stack([0.03 * u, 0.015 * v, height - 0.005237821604676224], axis=1), faces
 
 
+def leaf_like(outline: tuple[float, ...], rings: int, graded: bool = True) -> tuple[Array, Indices]:
+    """A leaf of length 1: width, camber, twist, taper and cup, defined as the reference leaf is."""
+    width, camber, twist, taper, cup = outline
+    flat, faces = disk(rings, graded)
+    u, v = flat[:, 0], flat[:, 1]
+    height = camber * (1.0 - u**2) + cup * camber * v**2 + twist * width / 4.0 * u * v
+    return np.stack([0.5 * u, 0.5 * width * v * (1.0 - taper * u), height], axis=1), faces
+
+
+def slab_of(vertices: Array, faces: Indices, thickness: float) -> tuple[Array, Indices]:
+    """A closed slab: a sheet moved half a thickness to either side, and a wall round its rim."""
+    across = np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]])
+    normals = np.zeros_like(vertices)
+    for corner in range(3):
+        np.add.at(normals, faces[:, corner], across)
+    normals *= 0.5 * thickness / np.linalg.norm(normals, axis=1)[:, None]
+    halves = np.stack([faces, faces[:, [1, 2, 0]]], axis=2).reshape(-1, 2)
+    _, first, counts = np.unique(np.sort(halves, axis=1), axis=0, return_index=True, return_counts=True)
+    a, b = halves[first[counts == 1]].T
+    below = len(vertices)
+    wall = np.concatenate([np.stack([b, a, a + below], axis=1), np.stack([b, a + below, b + below], axis=1)])
+    return np.vstack([vertices + normals, vertices - normals]), np.vstack([faces, faces[:, ::-1] + below, wall])
+
+
 def airplane() -> tuple[Array, Indices]:
     """The reference paper airplane: two wings and a keel on one crease, about its area centroid."""
     points = [(0.14, 0, 0), (-0.14, 0, 0), (-0.14, 0.09, 0.015), (-0.14, -0.09, 0.015), (-0.14, 0, -0.035)]

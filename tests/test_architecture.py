@@ -31,6 +31,9 @@ FLOORS = [
         "boundaries",
         "height_field",
         "poisson",
+        "smooth_surface",
+        "decimation",
+        "slab",
     },
     {
         "checkpoint",
@@ -42,6 +45,7 @@ FLOORS = [
         "graded_mesh",
         "mesh_checks",
         "panel_solver",
+        "stretching",
     },
     {
         "seen_turbulence",
@@ -55,8 +59,8 @@ FLOORS = [
         "panel_mesh",
         "fundamental_solutions",
     },
-    {"plates", "seen_turbulence", "shape_table", "field_scene", "unsteady", "panel_refinement"},
-    {"body_model"},
+    {"plates", "seen_turbulence", "shape_table", "field_scene", "unsteady", "fan_mesh", "globe_mesh", "mesh_errors"},
+    {"body_model", "panel_refinement"},
     {"device_state", "frame_stepper", "scene", "bake", "tensor_cache"},
     {"ensemble", "added_mass", "scene_flow"},
     {"pilot"},

@@ -131,3 +131,12 @@ def test_unreadable_file_is_refused(tmp_path) -> None:
     path.write_bytes(b"not a mesh at all")
     with pytest.raises(InputError, match="cannot be read"):
         Shape.from_mesh(path, 800.0)
+
+
+def test_edges_that_keep_a_mesh_from_being_closed_are_named() -> None:
+    boxes = [trimesh.creation.box((1.0, 1.0, 1.0)) for _ in range(2)]
+    boxes[1].apply_translation((1.0, 1.0, 0.0))
+    with pytest.raises(InputError, match=r"4 faces meet at the edge \(0.5, 0.5, .*exactly 2"):
+        Shape.from_mesh(trimesh.util.concatenate(boxes), density=500.0)
+    with pytest.raises(InputError, match=r"is open \(it has free edges, as \(.*\) to \(.*thickness"):
+        Shape.from_mesh(rectangle_mesh(1.0, 1.0), density=500.0)

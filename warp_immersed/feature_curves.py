@@ -17,13 +17,14 @@ SMOOTH = np.radians(22.0)  # a curve that turns by less at each point is taken f
 class FeatureCurves:
     """Curves between junctions, or closed loops: cubics through their points where these turn gently, else straight.
 
-    points: one (N, 3) array a curve, a loop repeating its first point; arcs: (N,) lengths along the points; loop: which
-    are loops.
+    chains: one (N,) array of vertex indices a curve, a loop repeating its first; points: (N, 3); arcs: (N,) lengths along the
+    points; loop: which are loops.
     leaving, arriving: (N, 3), derivatives with arc length after and before each point. bulge: (C,) how far each curve leaves
     its straight segments.
     starts, ends: (S, 3) all their segments, with the curve (S,) and the arc length at the start (S,) of each.
     """
 
+    chains: list[Indices]
     points: list[Array]
     arcs: list[Array]
     loop: list[bool]
@@ -85,6 +86,7 @@ def feature_curves(vertices: Array, chains: list[Indices]) -> FeatureCurves:
     ]
     none = np.zeros((0, 3))
     return FeatureCurves(
+        chains,
         points,
         arcs,
         loop,
@@ -181,11 +183,11 @@ def arc_between(curves: FeatureCurves, a: Array, b: Array, tolerance: float) -> 
     return best
 
 
-def corner_vertices(curves: FeatureCurves, chains: list[Indices], size: float) -> Indices:
+def corner_vertices(curves: FeatureCurves, size: float) -> Indices:
     """Vertices where a curve has a corner: it turns by more than CORNER, and most within a window; ends do not count."""
     corners = []
     window = CORNER_WINDOW * size
-    for index, (arc, chain) in enumerate(zip(curves.arcs, chains, strict=True)):
+    for index, (arc, chain) in enumerate(zip(curves.arcs, curves.chains, strict=True)):
         here = at_arc(curves, index, arc)
         into, out = here - at_arc(curves, index, arc - window), at_arc(curves, index, arc + window) - here
         turning = np.arctan2(np.linalg.norm(np.cross(into, out), axis=1), np.einsum("ni,ni->n", into, out))

@@ -86,6 +86,8 @@ def size_field(vertices: Array, faces: Indices, samples: list[SizeSamples], limi
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2.0
     centers, weights = spread_points(corners, areas)
     ceiling = EVENNESS * np.sqrt(areas.sum() / (0.433 * limit)) if even else np.inf
+    matters = (lengths < ceiling) | (lengths == lengths.min())
+    points, lengths = points[matters], lengths[matters]
     floor = 0.0
     spread = GRADIENT * cdist(centers, points)
     for _ in range(40):

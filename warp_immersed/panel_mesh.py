@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from warp_immersed.feature_curves import FeatureCurves, corner_vertices, feature_curves, nearest_on_curves, trace_curves
+from warp_immersed.feature_curves import SMOOTH, FeatureCurves, corner_vertices, feature_curves, nearest_on_curves, trace_curves
 from warp_immersed.graded_mesh import folded_faces, graded_subdivision
 from warp_immersed.kernels import surface_queries
 from warp_immersed.mesh_checks import warp_mesh
@@ -16,6 +16,7 @@ from warp_immersed.mesh_size import bend_samples, rim_samples, size_field
 from warp_immersed.remesh import (
     Edges,
     PatchMesh,
+    edge_angles,
     face_normals,
     flip_edges,
     mesh_edges,
@@ -26,6 +27,7 @@ from warp_immersed.remesh import (
     vertex_patch,
     vertex_rank,
 )
+from warp_immersed.smooth_surface import corner_normals, smoothed
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -42,7 +44,8 @@ class Surface:
 
     mesh: its triangles with their patches (parts bounded by rims, creases and sharp edges); curves: those bounds;
     singular: (E,) of mesh_edges(mesh), where meshes crowd; closed: a solid; query: for nearest points;
-    flat: (P,) patches that are plane.
+    flat: (P,) patches that are plane. normals: (F, 3, 3) of the smooth surface at the corners of the faces, see corner_normals.
+    flatness: by how much one axis of the body was stretched more than another.
     """
 
     mesh: PatchMesh
@@ -52,6 +55,8 @@ class Surface:
     closed: bool
     query: wp.Mesh
     flat: Flags
+    normals: Array
+    flatness: float
 
     def put_back(self, points: Array, patches: Indices) -> Array:
         """Nearest points (N, 3) on the surface, or on its curves for patches of -1. Points of flat patches are on them."""
@@ -71,34 +76,57 @@ def nearest_on_surface(surface: Surface, points: Array) -> Array:
     where = wp.array(points.astype(np.float32), dtype=wp.vec3f, device="cpu")
     inputs = [surface.query.id, where]
     wp.launch(surface_queries.nearest_points, dim=len(points), inputs=inputs, outputs=[face, weights], device="cpu")
-    corners = surface.mesh.vertices[surface.mesh.faces[face.numpy()]]
+    found = face.numpy()
+    corners = surface.mesh.vertices[surface.mesh.faces[found]]
     nearest = np.einsum("nk,nki->ni", weights.numpy().astype(np.float64), corners)
     # Into the plane of the nearest face: a smooth rim reaches a little beyond the straight edges of the faces.
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    doubled = np.linalg.norm(normals, axis=1)[:, None]
+    normals /= doubled
     planar = points - np.einsum("ni,ni->n", points - nearest, normals)[:, None] * normals
     outside = np.linalg.norm(planar - nearest, axis=1)
-    return np.where((outside < OVERHANG)[:, None], planar, nearest)
+    planar = np.where((outside < OVERHANG)[:, None], planar, nearest)
+    opposite = np.cross(corners[:, [1, 2, 0]] - planar[:, None], corners[:, [2, 0, 1]] - planar[:, None])
+    parts = np.einsum("nki,ni->nk", opposite, normals) / doubled
+    return smoothed(planar, parts, corners, surface.normals[found])
 
 
-def surface_from(vertices: Array, faces: Indices, closed: bool) -> Surface:
-    """Find the rims, creases, sharp edges and corners of a clean mesh of about unit size."""
+def surface_from(vertices: Array, faces: Indices, closed: bool, flatness: float = 1.0) -> Surface:
+    """Find the rims, creases, sharp edges and corners of a clean mesh of about unit size, stretched by so much."""
+    return surface_of(marked_mesh(vertices, faces, closed), closed, flatness)
+
+
+def patched_mesh(vertices: Array, faces: Indices, closed: bool) -> PatchMesh:
+    """A clean mesh of about unit size with its patches, bounded by rims, creases and sharp edges."""
     plain = PatchMesh(vertices, faces, np.zeros(len(faces), dtype=np.int64), np.zeros(len(vertices), dtype=bool))
     edges = mesh_edges(plain)
     bent = edge_angles(plain, edges) > (SHARP if closed else FOLD)
-    feature = edges.feature | bent
-    patch = patches_between(faces, edges, feature)
-    mesh = PatchMesh(vertices, faces, patch, plain.fixed)
-    edges = mesh_edges(mesh)
+    return PatchMesh(vertices, faces, patches_between(faces, edges, edges.feature | bent), plain.fixed)
+
+
+def marked_mesh(vertices: Array, faces: Indices, closed: bool) -> PatchMesh:
+    """The same with the corners of its rims, creases and sharp edges fixed."""
+    mesh = patched_mesh(vertices, faces, closed)
+    fixed = mesh.fixed.copy()
+    fixed[corner_vertices(curves_of(mesh, mesh_edges(mesh)), float(np.ptp(vertices, axis=0).max()))] = True
+    return PatchMesh(vertices, faces, mesh.patch, fixed)
+
+
+def curves_of(mesh: PatchMesh, edges: Edges) -> FeatureCurves:
+    """The rims, creases and patch borders of a mesh."""
     kinds = np.bincount(edges.of_face.ravel(), minlength=len(edges.ends))
     chosen = np.flatnonzero(edges.feature)
-    chains = trace_curves(vertices, edges.ends[chosen], kinds[chosen])
-    curves = feature_curves(vertices, chains)
-    fixed = plain.fixed.copy()
-    fixed[corner_vertices(curves, chains, float(np.ptp(vertices, axis=0).max()))] = True
-    singular = (kinds == 1) if not closed else edges.feature
-    mesh = PatchMesh(vertices, faces, patch, fixed)
-    return Surface(mesh, edges, curves, singular, closed, warp_mesh(vertices, faces), flat_patches(mesh))
+    return feature_curves(mesh.vertices, trace_curves(mesh.vertices, edges.ends[chosen], kinds[chosen]))
+
+
+def surface_of(mesh: PatchMesh, closed: bool, flatness: float = 1.0) -> Surface:
+    """A surface of a mesh whose patches and corners are known."""
+    edges = mesh_edges(mesh)
+    kinds = np.bincount(edges.of_face.ravel(), minlength=len(edges.ends))
+    singular = edges.feature if closed else kinds == 1
+    normals = corner_normals(mesh, edges, edge_angles(mesh, edges) > SMOOTH)
+    query, curves = warp_mesh(mesh.vertices, mesh.faces), curves_of(mesh, edges)
+    return Surface(mesh, edges, curves, singular, closed, query, flat_patches(mesh), normals, flatness)
 
 
 def flat_patches(mesh: PatchMesh) -> Flags:
@@ -108,15 +136,6 @@ def flat_patches(mesh: PatchMesh) -> Flags:
     first = np.unique(mesh.patch, return_index=True)[1]
     off = np.linalg.norm(np.cross(normals, normals[first][mesh.patch]), axis=1) > 1e-6
     return np.bincount(mesh.patch, off) == 0
-
-
-def edge_angles(mesh: PatchMesh, edges: Edges) -> Array:
-    """Angle (E,) between the normals of the two faces of each edge; 0 at rims and creases."""
-    corners = mesh.vertices[mesh.faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    one, other = normals[edges.first], normals[edges.second]
-    angle = np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), np.einsum("ei,ei->e", one, other))
-    return np.where(edges.feature, 0.0, angle)
 
 
 def patches_between(faces: Indices, edges: Edges, feature: Flags) -> Indices:
@@ -186,24 +205,27 @@ def on_surface(surface: Surface, mesh: PatchMesh) -> PatchMesh:
 
 def singular_vertices(surface: Surface, mesh: PatchMesh, edges: Edges) -> Flags:
     """Vertices (V,) of a coarse mesh on rims (sheets) or sharp edges (solids)."""
-    kinds = np.bincount(edges.of_face.ravel(), minlength=len(edges.ends))
-    singular = edges.feature if surface.closed else kinds == 1
     marks = np.zeros(len(mesh.vertices), dtype=bool)
-    marks[edges.ends[singular]] = True
+    marks[edges.ends[singular_edges(surface, mesh, edges)]] = True
     return marks
+
+
+def singular_edges(surface: Surface, mesh: PatchMesh, edges: Edges) -> Flags:
+    """Edges (E,) of a coarse mesh that are rims (sheets) or sharp (solids)."""
+    kinds = np.bincount(edges.of_face.ravel(), minlength=len(edges.ends))
+    return edges.feature if surface.closed else kinds == 1
+
+
+def bridges(surface: Surface, mesh: PatchMesh, edges: Edges) -> Array:
+    """Lengths (E,) of the edges that join two rim vertices without being rim, between which nothing can be crowded; else 0."""
+    marks = singular_vertices(surface, mesh, edges)
+    lengths = np.linalg.norm(mesh.vertices[edges.ends[:, 0]] - mesh.vertices[edges.ends[:, 1]], axis=1)
+    return np.where(marks[edges.ends].all(axis=1) & ~singular_edges(surface, mesh, edges), lengths, 0.0)
 
 
 def without_bridges(surface: Surface, mesh: PatchMesh) -> PatchMesh:
     """Halve the edges that join two rim vertices without being rim, and faces made of rim only."""
-
-    def bridges(mesh: PatchMesh, edges: Edges) -> Array:
-        marks = singular_vertices(surface, mesh, edges)
-        kinds = np.bincount(edges.of_face.ravel(), minlength=len(edges.ends))
-        singular = edges.feature if surface.closed else kinds == 1
-        lengths = np.linalg.norm(mesh.vertices[edges.ends[:, 0]] - mesh.vertices[edges.ends[:, 1]], axis=1)
-        return np.where(marks[edges.ends].all(axis=1) & ~singular, lengths, 0.0)
-
-    mesh = split_where(mesh, bridges, limit=10**6)
+    mesh = split_where(mesh, lambda mesh, edges: bridges(surface, mesh, edges), limit=10**6)
     edges = mesh_edges(mesh)
     whole = singular_vertices(surface, mesh, edges)[mesh.faces].all(axis=1)
     if whole.any():

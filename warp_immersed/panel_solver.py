@@ -39,13 +39,12 @@ class SurfaceTensor:
     """Result on one mesh.
 
     matrix: (6, 6) about the origin for a fluid of 1 kg/m^3, linear then angular, symmetric and positive semidefinite.
-    correction: the relative change that made it so. unresolved: (6,) energy of each flow that is too fine for the mesh
-    (solids only; a multiple of the error, see unresolved_energy).
+    correction: the relative change that made it so. jumps: (F, 3, 6) of the potential at the corners of the faces (solids only).
     """
 
     matrix: Array
     correction: float
-    unresolved: Array
+    jumps: Array | None
 
 
 def surface_tensor(
@@ -53,15 +52,13 @@ def surface_tensor(
     faces: Indices,
     closed: bool,
     device: str = "cpu",
-    single_precision: bool = False,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> SurfaceTensor:
     """Added mass of a surface in a fluid of density 1 kg/m^3, about the origin, linear then angular.
 
     vertices: (V, 3) [m]; faces: (F, 3), outward if closed. closed: the flow outside counts; otherwise that on both sides does.
-    single_precision: assemble in float32 (the solution is always float64). threads: for the CPU, all cores if None; the result
-    is the same for any number. progress: called with a label and a fraction.
+    threads: for the CPU, all cores if None; the result is the same for any number. progress: called with a label and a fraction.
     """
     size = float(np.abs(vertices).max())
     scaled = vertices / size
@@ -72,7 +69,7 @@ def surface_tensor(
     doubled = np.linalg.norm(normals, axis=1)
     normals /= doubled[:, None]
     areas = doubled / 2.0
-    geometry = device_faces(corners, edges, normals, areas, device, single_precision)
+    geometry = device_faces(corners, edges, normals, areas, device)
     report = progress or silent
     report("integrals", 0.0)
     potentials = pair_potentials(geometry, device, threads)
@@ -89,37 +86,33 @@ def surface_tensor(
     if closed:
         report("trace", 0.8)
         at_corners = corner_jumps(sectors, jumps)
-        unresolved = unresolved_energy(faces, edges, areas, at_corners)
         outside = exterior_potentials(geometry, at_corners, device, threads)
         points = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
         flux = normal_velocities(np.einsum("pk,fki->fpi", points, corners), normals) * (areas / 3.0)[:, None, None]
         tensor = np.tensordot(outside, flux, axes=((0, 1), (0, 1)))
     else:
         tensor = right.T @ jumps
-        unresolved = np.zeros(6)
+        at_corners = None
     tensor, correction = positive_symmetric(tensor)
     if not correction < ASYMMETRY_LIMIT:
         raise UnresolvedError(f"the tensor came out {100.0 * correction:.3g} % unsymmetric or negative on {len(faces)} faces")
     dimensions = size ** np.array([1.5, 1.5, 1.5, 2.5, 2.5, 2.5])
-    return SurfaceTensor(tensor * np.outer(dimensions, dimensions), correction, unresolved * dimensions**2)
+    return SurfaceTensor(tensor * np.outer(dimensions, dimensions), correction, at_corners)
 
 
 def silent(label: str, fraction: float) -> None:
     """No progress wanted."""
 
 
-def device_faces(
-    corners: Array, edges: Array, normals: Array, areas: Array, device: str, single_precision: bool
-) -> list[wp.array]:
+def device_faces(corners: Array, edges: Array, normals: Array, areas: Array, device: str) -> list[wp.array]:
     """The arrays of faces that the kernels take: corners, centroid, normal, area, longest edge, second moment over area."""
     centroids = corners.mean(axis=1)
     arms = corners - centroids[:, None]
     moments = np.einsum("fki,fkj->fij", arms, arms) / 12.0
     longest = np.linalg.norm(edges, axis=2).max(axis=1)
-    scalar, vector, matrix = (wp.float32, wp.vec3f, wp.mat33f) if single_precision else (wp.float64, wp.vec3d, wp.mat33d)
-    columns: list[tuple[Array, object]] = [(corners[:, k], vector) for k in range(3)]
-    columns += [(centroids, vector), (normals, vector)]
-    columns += [(areas, scalar), (longest, scalar), (moments, matrix)]
+    columns: list[tuple[Array, object]] = [(corners[:, k], wp.vec3d) for k in range(3)]
+    columns += [(centroids, wp.vec3d), (normals, wp.vec3d)]
+    columns += [(areas, wp.float64), (longest, wp.float64), (moments, wp.mat33d)]
     return [wp.array(np.ascontiguousarray(values), dtype=dtype, device=device) for values, dtype in columns]
 
 
@@ -153,23 +146,20 @@ def available_cores() -> int:
 
 def pair_potentials(geometry: list[wp.array], device: str, threads: int | None) -> Array:
     """int_f int_g 1/r for all pairs of faces, (F, F)."""
-    scalar = geometry[5].dtype
     rows = len(geometry[5])
-    result = wp.empty((rows, rows), dtype=scalar, device=device)
+    result = wp.empty((rows, rows), dtype=wp.float64, device=device)
     lanes = 1 if wp.get_device(device).is_cpu else GPU_LANES
-    launch_rows(panels.pair_potentials, rows, lanes, [lanes, scalar(NEAR), *geometry], result, device, threads)
-    return result.numpy().astype(np.float64, copy=False)
+    launch_rows(panels.pair_potentials, rows, lanes, [lanes, wp.float64(NEAR), *geometry], result, device, threads)
+    return result.numpy()
 
 
 def exterior_potentials(geometry: list[wp.array], jumps: Array, device: str, threads: int | None) -> Array:
     """Potentials (F, 3, 6) outside a closed surface at three points of each face; jumps: (F, 3, 6) at the corners."""
-    scalar = geometry[5].dtype
     rows = len(geometry[5])
-    vector = panels.vec6d if scalar == wp.float64 else panels.vec6f
-    corners = [wp.array(np.ascontiguousarray(jumps[:, k]), dtype=vector, device=device) for k in range(3)]
-    result = wp.empty((rows, 3), dtype=vector, device=device)
-    launch_rows(panels.exterior_trace, rows, 3, [scalar(NEAR), *geometry, *corners], result, device, threads)
-    return result.numpy().astype(np.float64, copy=False)
+    corners = [wp.array(np.ascontiguousarray(jumps[:, k]), dtype=panels.vec6d, device=device) for k in range(3)]
+    result = wp.empty((rows, 3), dtype=panels.vec6d, device=device)
+    launch_rows(panels.exterior_trace, rows, 3, [wp.float64(NEAR), *geometry, *corners], result, device, threads)
+    return result.numpy()
 
 
 def energy_matrix(sectors: FluidSectors, curls: Array, potentials: Array) -> Array:
@@ -211,23 +201,6 @@ def corner_jumps(sectors: FluidSectors, unknowns: Array) -> Array:
     """Jumps (F, 3, C) at the corners from the unknowns (count, C)."""
     padded = np.vstack([unknowns, np.zeros((1, unknowns.shape[1]))])
     return padded[sectors.front] - padded[sectors.back]
-
-
-def unresolved_energy(faces: Indices, edges: Array, areas: Array, jumps: Array) -> Array:
-    """How much energy (C,) of each flow is too fine for the mesh, by the kinks of mu across edges; jumps: (F, 3, C).
-
-    Across an edge the slope of mu should be continuous on a smooth surface, bent or not; h times the square of its jump is the
-    usual measure of the error in the energy norm of the hypersingular operator (Carstensen et al., Math. Comp. 70, 2001).
-    """
-    curls = np.einsum("fki,fkc->fic", edges, jumps) / (2.0 * areas)[:, None, None]
-    halves = np.sort(np.stack([faces[:, [1, 2, 0]], faces[:, [2, 0, 1]]], axis=2).reshape(-1, 2), axis=1)
-    order = np.lexsort((halves[:, 1], halves[:, 0]))
-    one, other = order[0::2], order[1::2]  # a closed surface: each edge twice
-    lengths = np.linalg.norm(edges.reshape(-1, 3), axis=1)
-    slopes = np.einsum("fki,fic->fkc", edges, curls).reshape(len(lengths), -1) / lengths[:, None]
-    kinks = slopes[one] + slopes[other]  # the edge runs the other way in the other face
-    patch = areas[one // 3] + areas[other // 3]
-    return (kinks**2).T @ (patch * np.sqrt(patch))
 
 
 def positive_symmetric(tensor: Array) -> tuple[Array, float]:

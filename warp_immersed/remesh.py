@@ -123,6 +123,14 @@ def face_normals(vertices: Array, faces: Indices) -> Array:
     return np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]])
 
 
+def edge_angles(mesh: PatchMesh, edges: Edges) -> Array:
+    """Angle (E,) between the normals of the two faces of each edge; 0 at rims and creases."""
+    normals = face_normals(mesh.vertices, mesh.faces)
+    one, other = normals[edges.first], normals[edges.second]
+    angle = np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), np.einsum("ei,ei->e", one, other))
+    return np.where(edges.feature, 0.0, angle)
+
+
 def longest_squared(vertices: Array, faces: Indices) -> Array:
     """Square (F,) of the longest side of each face."""
     sides = vertices[faces] - vertices[faces[:, [1, 2, 0]]]
@@ -143,8 +151,12 @@ def cuts_curve(
     return away > SAGITTA * np.linalg.norm(p - q, axis=1)
 
 
-def collapse_short(mesh: PatchMesh, size: Array, put_back: Callable[[Array, Indices], Array]) -> PatchMesh:
-    """Collapse one independent set of edges shorter than SHORT times the wanted length; size: (V,)."""
+def collapse_short(mesh: PatchMesh, size: Array, put_back: Callable[[Array, Indices], Array] | None) -> PatchMesh:
+    """Collapse one independent set of edges shorter than SHORT times the wanted length; size: (V,).
+
+    put_back: as for `relax`; edges and faces that would lie far from the surface are kept. None leaves that out, and takes
+    any edges instead of the shortest first: for fine meshes.
+    """
     edges = mesh_edges(mesh)
     count = len(mesh.vertices)
     lengths = np.linalg.norm(mesh.vertices[edges.ends[:, 0]] - mesh.vertices[edges.ends[:, 1]], axis=1)
@@ -166,10 +178,13 @@ def collapse_short(mesh: PatchMesh, size: Array, put_back: Callable[[Array, Indi
     corners = np.bincount(edges.of_face.ravel(), minlength=len(lengths))[candidates]
     good = shared == corners
     along = np.flatnonzero(good & (rank[gone] == 1))
-    good[along] = ~cuts_curve(mesh, edges, gone[along], kept[along], put_back)
+    if put_back is not None:
+        good[along] = ~cuts_curve(mesh, edges, gone[along], kept[along], put_back)
     candidates, gone, kept = candidates[good], gone[good], kept[good]
     # An independent set, shortest first: no end of one edge is or neighbours an end of another.
     shortness = -lengths[candidates] / wanted[candidates]
+    if put_back is None:  # chance makes far larger sets than lengths, which change slowly over a fine mesh
+        shortness = np.random.default_rng(0).random(len(candidates))
     open_, chosen = np.arange(len(candidates)), []
     for _ in range(4):
         best = winners(shortness[open_], [gone[open_], kept[open_]], count)
@@ -196,9 +211,10 @@ def collapse_short(mesh: PatchMesh, size: Array, put_back: Callable[[Array, Indi
         fatness = lengths_after / longest_squared(vertices, faces[touched])
         turned = np.einsum("fi,fi->f", before, after) < 0.5 * lengths_before * lengths_after
         turned |= (fatness < 0.05) & (fatness < lengths_before / longest_squared(vertices, mesh.faces[touched]))
-        middle = vertices[faces[touched]].mean(axis=1)
-        away = np.linalg.norm(put_back(middle, mesh.patch[touched]) - middle, axis=1)
-        turned |= away > SAGITTA * np.sqrt(longest_squared(vertices, faces[touched]))
+        if put_back is not None:
+            middle = vertices[faces[touched]].mean(axis=1)
+            away = np.linalg.norm(put_back(middle, mesh.patch[touched]) - middle, axis=1)
+            turned |= away > SAGITTA * np.sqrt(longest_squared(vertices, faces[touched]))
         if not turned.any():
             break
         spoiled = np.zeros(count, dtype=bool)

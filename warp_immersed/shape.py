@@ -210,9 +210,22 @@ def prepare_mesh(mesh: trimesh.Trimesh, name: str, thickness: Array | None) -> t
             raise InputError(f"{name}: is closed, so it takes no thickness; remove the thickness, or open the mesh")
         return mesh, np.broadcast_to(thickness, (len(mesh.faces),)).copy()
     if not mesh.is_watertight:
-        raise InputError(f"{name}: is open (it has free edges), so it needs a thickness [m] to be a sheet; or close it")
+        raise InputError(f"{name}: {open_edge_text(mesh)}")
     orient_outward(mesh, name)
     return mesh, None
+
+
+def open_edge_text(mesh: trimesh.Trimesh) -> str:
+    """What keeps a mesh from being closed, with an edge as an example."""
+    edges, counts = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
+    free = counts == 1
+    odd = edges[free if free.any() else counts != 2]
+    if not len(odd):
+        return "is not closed; it needs a thickness [m] to be a sheet"
+    ends = " to ".join("(" + ", ".join(f"{x:.4g}" for x in mesh.vertices[end]) + ")" for end in odd[0])
+    if free.any():
+        return f"is open (it has free edges, as {ends}), so it needs a thickness [m] to be a sheet; or close it"
+    return f"{counts[counts != 2][0]} faces meet at the edge {ends}; a closed body must have exactly 2 at every edge"
 
 
 def orient_outward(mesh: trimesh.Trimesh, name: str) -> None:

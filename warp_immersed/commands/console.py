@@ -4,14 +4,16 @@ import logging
 import os
 import sys
 import threading
+import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Annotated, Any
 
 import typer
 
 FAILURE, BAD_INPUT, INTERRUPTED = 1, 2, 130
+LINE_EVERY = 3.0  # seconds between lines where there is no terminal
 
 SceneArgument = Annotated[str, typer.Argument(help="A scene file (.toml) or the name of a built-in scene.")]
 DeviceOption = Annotated[str | None, typer.Option(help="cpu, cuda:0, ... [default: CUDA if there is one, else the CPU]")]
@@ -55,6 +57,28 @@ def bake_report(now: Any) -> None:
         print(f"\r{text}   ", end="", file=sys.stderr, flush=True)
     elif now.step % 100 == 0:
         print(text, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def solving_report() -> Iterator[Callable[[str, float], None]]:
+    """A function to be told what a solver does and how much is done: on one line of a terminal, or a line every few seconds."""
+    start = last = time.monotonic()
+    shown = False
+    terminal = sys.stderr.isatty()
+
+    def report(label: str, fraction: float) -> None:
+        nonlocal last, shown
+        now = time.monotonic()
+        if now - start > 1.0 and now - last > (0.1 if terminal else LINE_EVERY):
+            last, shown = now, True
+            text = f"{label}: {100.0 * fraction:.0f} %, {now - start:.0f} s"
+            print(f"\r{text:<60}" if terminal else text, end="" if terminal else "\n", file=sys.stderr, flush=True)
+
+    try:
+        yield report
+    finally:
+        if terminal and shown:
+            print(f"\r{'':<60}\r", end="", file=sys.stderr, flush=True)
 
 
 @contextmanager

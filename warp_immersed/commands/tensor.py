@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from warp_immersed.commands.console import notes_printed, patience, start_warp
+from warp_immersed.commands.console import notes_printed, solving_report, start_warp
 from warp_immersed.errors import InputError
 
 
@@ -37,8 +37,8 @@ def tensor(
             raise InputError(f"fluid: found {fluid!r}, must be air, water or a positive density [kg/m^3]") from error
     with notes_printed():
         shape = Shape.from_mesh(mesh, 1000.0 if density is None else density, thickness, scale=scale)
-        with patience("solving; a large mesh takes a while"):
-            solution = kirchhoff_solution(shape, medium, tolerance=tolerance, cache=cache)
+        with solving_report() as report:
+            solution = kirchhoff_solution(shape, medium, tolerance=tolerance, cache=cache, progress=report)
     if json:
         typer.echo(json_module.dumps(tensor_dict(solution, shape, medium, mesh.name, density is not None), indent=1))
     else:
