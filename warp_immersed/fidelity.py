@@ -87,7 +87,7 @@ def lift_error(body: Behaviour) -> float:
 
 def point_error(body: Behaviour) -> float:
     """Error of `point`: no wander but a steady glide, whose heading turbulence ought to change."""
-    wander = 0.15 * swings(body) + (1.0 - body.roundness) * (0.02 + 0.1 * min(1.0, body.wind))
+    wander = 0.15 * swings(body) + (1.0 - body.roundness) * (0.02 + 0.1 * min(3.0, body.wind))
     return wander + min(1.0, 20.0 * body.glide * body.wind)
 
 

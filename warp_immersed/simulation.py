@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from math import inf, radians, tan
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, Protocol
@@ -133,10 +134,24 @@ def plan(scene: Scene, device: str = "cpu", baking: "Callable[[Progress], None] 
         if ground is not None:
             check_clearance(scene, index, shape, ground, fluid.density)
         model = body_model(shape, fluid, kirchhoff_tensor(shape, fluid), float(np.linalg.norm(scene.gravity)))
-        scale = Scale(scene.tolerance, scene.duration)
+        scale = Scale(scene.tolerance, scene.duration, apparent_pixels(scene, table, shape))
         model, choice = model_at_level(shape, model, surroundings, table.fidelity, scale, cache_directory() / "pilots")
         kinds.append(Kind(table, shape, model, choice))
     return Plan(scene, tuple(kinds), surroundings, tuple(notes))
+
+
+# Width of the picture in which a body's size counts, and bodies looked at.
+PICTURE_WIDTH, SAMPLE = 1920, 500
+
+
+def apparent_pixels(scene: Scene, table: BodiesTable, shape: Shape) -> float:
+    """Median length of bodies, where they start, in a picture of the scene's view 1920 pixels wide; endless without a view."""
+    if scene.view is None:
+        return inf
+    starts = emit(table.emitter, min(table.count, SAMPLE), scene.seed, random_key(table.name)).positions
+    distance = float(np.median(np.linalg.norm(starts - np.asarray(scene.view.position), axis=1)))
+    focal = PICTURE_WIDTH / 2.0 / tan(radians(scene.view.field_of_view) / 2.0)
+    return 2.0 * float(shape.semi_axes[0]) * focal / max(distance, 1e-9)
 
 
 def check_clearance(scene: Scene, index: int, shape: Shape, ground: float, fluid_density: float) -> None:
