@@ -86,9 +86,12 @@ def lift_error(body: Behaviour) -> float:
 
 
 def point_error(body: Behaviour) -> float:
-    """Error of `point`: no wander but a steady glide, whose heading turbulence ought to change."""
-    wander = 0.15 * swings(body) + (1.0 - body.roundness) * (0.02 + 0.1 * min(3.0, body.wind))
-    return wander + min(1.0, 20.0 * body.glide * body.wind)
+    """Error of `point`: shaken bodies that are not round fall otherwise; a glide keeps its heading, which the wind ought to
+    change, and does not slow down in gusts that are faster than it follows."""
+    descent = (1.0 - body.roundness) * (0.03 + 0.2 * min(1.3, body.wind))
+    heading = 0.6 * body.glide * min(1.0, 10.0 * body.wind) / (1.0 + 2.5 * body.wind)
+    gusts = 0.5 * body.glide * body.wind * min(1.0, body.stokes)
+    return max(descent, heading + gusts)
 
 
 def drift_error(body: Behaviour) -> float:
