@@ -115,9 +115,16 @@ def started(
 def rotate(q: Array, v: Array) -> Array:
     """Vectors (..., 3) turned by quaternions (..., 4)."""
     u, w = q[..., :3], q[..., 3:]
-    return v + 2.0 * np.cross(u, np.cross(u, v) + w * v)
+    return v + 2.0 * cross(u, cross(u, v) + w * v)
 
 
 def rotate_back(q: Array, v: Array) -> Array:
     """Vectors (..., 3) turned by the inverses of quaternions (..., 4)."""
     return rotate(q * np.array([-1.0, -1.0, -1.0, 1.0]), v)
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Cross products over the last axis; NumPy's own takes several times as long on few rows."""
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)

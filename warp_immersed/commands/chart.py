@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from warp_immersed.commands.console import start_warp
 from warp_immersed.commands.output import check_folder
 from warp_immersed.errors import InputError
 
@@ -46,6 +47,7 @@ def chart(
             raise InputError(f"output {str(path)!r}: found ending {path.suffix!r}, must be a folder or end in {', '.join(PICTURES)}")
         path /= f"{name}.png"
     check_folder(path)
+    start_warp()
     try:
         import matplotlib  # noqa: F401  before the work, not after it
 
