@@ -8,9 +8,8 @@ import numpy as np
 import trimesh
 
 from warp_immersed import library
-from warp_immersed.added_mass import kirchhoff_tensor
-from warp_immersed.body_model import body_model
-from warp_immersed.charts.bodies import GRAVITY
+from warp_immersed.body_model import BodyModel
+from warp_immersed.charts.bodies import model_in
 from warp_immersed.charts.body_rates import started
 from warp_immersed.charts.figures import Report, Request, publish
 from warp_immersed.device_state import Group, Surroundings
@@ -46,36 +45,34 @@ def make_body(name: str, faces: int) -> tuple[Shape, Fluid]:
 
 def measure(quick: bool, report: Report) -> list[dict[str, Any]]:
     """Rows: body, the slides' faces and ours, step [ms], the slides' cost [ms per step], ours of one body alone and of one in a
-    crowd of 1000 [ms per step, one core], substeps a step, and the seconds its added mass took once."""
+    crowd of 1000 [ms of one core's time per step], and substeps a step."""
     rows = []
-    models: dict[tuple[str, int], tuple[Any, float, int]] = {}
+    models: dict[tuple[str, int], tuple[BodyModel, Fluid, int]] = {}
     for index, (name, faces, step, printed) in enumerate(PRINTED):
         report(f"{name}, {faces} faces, {step:g} ms", index / len(PRINTED))
-        shape, fluid = make_body(name, faces)
         if (name, faces) not in models:
-            start = time.perf_counter()
-            tensor = kirchhoff_tensor(shape, fluid)
-            models[name, faces] = body_model(shape, fluid, tensor, GRAVITY), time.perf_counter() - start, len(shape.mesh.faces)
-        model, tensor_seconds, ours = models[name, faces]
+            shape, fluid = make_body(name, faces)
+            models[name, faces] = model_in(shape, fluid), fluid, len(shape.mesh.faces)
+        model, fluid, ours = models[name, faces]
         alone, substeps = step_cost(model, fluid, step, 1, 100 if quick else 500)
         crowd, _ = step_cost(model, fluid, step, CROWD, 20 if quick else 100)
         rows.append({
             "body": name, "faces_slides": faces, "faces_here": ours, "step_ms": step, "slides_ms": printed, "alone_ms": 1e3 * alone,
-            "crowd_ms": 1e3 * crowd / CROWD, "substeps": substeps, "tensor_s": tensor_seconds,
+            "crowd_ms": 1e3 * crowd / CROWD, "substeps": substeps,
         })  # fmt: skip
     return rows
 
 
-def step_cost(model: Any, fluid: Fluid, step: float, count: int, frames: int) -> tuple[float, float]:
-    """Wall seconds a frame of `step` [ms] takes on one thread, Python and the hand-over of every frame included, best of five
+def step_cost(model: BodyModel, fluid: Fluid, step: float, count: int, frames: int) -> tuple[float, float]:
+    """Seconds of one core's time a frame of `step` [ms] takes, Python and the hand-over of every frame included, best of five
     blocks; and substeps a body takes in it."""
     ensemble = Ensemble([Group(model, started(count, 3), 1)], Surroundings(fluid, turbulence=GUSTS), 1e3 / step, threads=1)
     best, done, substeps = np.inf, 0, 0.0
     for _ in range(6):
-        start = time.perf_counter()
+        start = time.process_time()
         for frame in ensemble.frames(frames):
             steps = frame.body_steps
-        best = min(best, (time.perf_counter() - start) / frames)
+        best = min(best, (time.process_time() - start) / frames)
         substeps, done = (steps - done) / frames / count, steps
     ensemble.close()
     return best, substeps
@@ -96,7 +93,7 @@ def draw(rows: Sequence[dict[str, Any]]) -> Any:
     for n, (label, key, color) in enumerate(bars):
         values = [1e3 * row[key] for row in rows]
         drawn = axis.bar(at + 0.27 * (n - 1), values, 0.26, label=label, color=color)
-        axis.bar_label(drawn, [f"{value:.3g}" for value in values], fontsize=7.5, padding=1)
+        axis.bar_label(drawn, [f"{value:,.0f}" if value > 10.0 else f"{value:.2g}" for value in values], fontsize=7.5, padding=1)
     axis.set_yscale("log")
     axis.set_ylim(0.1, 4e4)
     axis.set_xticks(at, [f"{row['body']}\n{row['faces_slides']} faces, {row['step_ms']:g} ms" for row in rows], fontsize=8.5)
