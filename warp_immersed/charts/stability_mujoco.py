@@ -13,6 +13,8 @@ from warp_immersed.fluid import AIR
 if TYPE_CHECKING:
     from warp_immersed.charts.stability import Cell, Extent, Motion
 
+mujoco.set_mju_user_warning(lambda message: None)  # failures are what is looked for; without this they fill a log file
+
 INTEGRATORS = {"Euler": "Euler", "RK4": "RK4", "implicitfast": "implicitfast"}
 
 MODEL = """
