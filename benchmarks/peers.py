@@ -107,7 +107,9 @@ def newton(count: int) -> Callable[[], float]:
 
     builder = newton.ModelBuilder()
     for n in range(count):
-        builder.add_body(xform=wp.transform((0.1 * n, 10.0, 0.0), wp.quat_identity()), mass=1e-3, inertia=wp.mat33(np.eye(3) * 1e-7))
+        builder.add_body(
+            xform=wp.transform((0.1 * n, 10.0, 0.0), wp.quat_identity()), mass=1e-3, inertia=wp.mat33(np.eye(3) * 1e-7)
+        )
     model = builder.finalize(device="cpu")
     solver = newton.solvers.SolverSemiImplicit(model)
     states = [model.state(), model.state()]

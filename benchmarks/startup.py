@@ -20,7 +20,12 @@ def rows(quick: bool) -> Iterator[Row]:
     """Wall seconds of whole processes, caches warm; and of the last with empty caches, which compiles kernels and solves tensors."""
     for name, arguments in COMMANDS.items():
         run(arguments, {})
-        yield {"what": "startup", "command": name, "caches": "warm", "seconds": round(seconds_of(lambda a=arguments: run(a, {})), 3)}
+        yield {
+            "what": "startup",
+            "command": name,
+            "caches": "warm",
+            "seconds": round(seconds_of(lambda a=arguments: run(a, {})), 3),
+        }
     if not quick:
         with tempfile.TemporaryDirectory() as cache:
             fresh = {"WARP_CACHE_PATH": str(Path(cache) / "warp"), "WARP_IMMERSED_CACHE": str(Path(cache) / "tensors")}

@@ -16,7 +16,11 @@ def rows(quick: bool) -> Iterator[Row]:
     for other in (CAPYTAINE, FUNDAMENTAL):
         ratios = advantage(found, other)
         if not ratios:
-            yield {"what": "tensor ratio", "other": other, "skipped": f"{other} is not installed: pip install 'warp-immersed[peers]'"}
+            yield {
+                "what": "tensor ratio",
+                "other": other,
+                "skipped": f"{other} is not installed: pip install 'warp-immersed[peers]'",
+            }
             continue
         row: Row = {"what": "tensor ratio", "other": other, "error_over_ours_at_equal_time": ratios}
         if other == CAPYTAINE:

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 import warp as wp
 
+from warp_immersed.boundaries import Inlet, LogInlet, Outlet, Periodic, Slip, Wall
 from warp_immersed.charts.flow_cases import (
     backward_step,
     centers,
@@ -12,7 +13,6 @@ from warp_immersed.charts.flow_cases import (
     reattachment,
     taylor_green,
 )
-from warp_immersed.boundaries import Inlet, LogInlet, Outlet, Periodic, Slip, Wall
 from warp_immersed.errors import InputError
 from warp_immersed.flow_setup import FlowSetup
 from warp_immersed.k_epsilon import DivergedError, KEpsilonSolver
@@ -20,6 +20,7 @@ from warp_immersed.kernels import k_epsilon as device
 from warp_immersed.launch_plan import LaunchPlan
 from warp_immersed.poisson import add_v_cycle
 from warp_immersed.unsteady import UnsteadySolver
+
 
 @pytest.mark.parametrize("step", [0.01, 0.1, 1.0, 10.0])
 def test_sources_alone_are_exact_at_any_step(step):

@@ -5,6 +5,7 @@ import pytest
 from warp_immersed.charts.flow_cases import cavity_errors, lid_cavity
 from warp_immersed.k_epsilon import KEpsilonSolver
 
+
 @pytest.mark.parametrize(
     ("reynolds", "cells", "du", "dv"),
     [(100, 64, 0.006, 0.012), pytest.param(1000, 128, 0.010, 0.020, marks=pytest.mark.slow)],

@@ -117,7 +117,9 @@ def draw(rows: Sequence[dict[str, Any]]) -> Any:
                 for row in rows:
                     if row["method"] == method and row["aspect_ratio"] == ratio and method == OURS:
                         at = (row["cpu_ms"], row["worst_percent"])
-                        axis.annotate(f"{row['faces']} faces", at, xytext=(4, 4), textcoords="offset points", fontsize=7, color=color)
+                        axis.annotate(
+                            f"{row['faces']} faces", at, xytext=(4, 4), textcoords="offset points", fontsize=7, color=color
+                        )
         axis.axhline(1.0, color="grey", linewidth=0.8, linestyle="--")
         axis.set_title("sphere" if ratio == 1 else f"oblate, {ratio} : 1", fontsize=10)
         axis.set_xlabel("CPU time, ms")

@@ -37,4 +37,6 @@ def chart(request: Request) -> str:
     rows = failure_table(subdivisions=(2,)) if request.quick else failure_table()
     publish(request, lambda: draw_failures(rows), rows)
     thin = min(abs(row[TABLE_COLUMNS[6]]) for row in rows if row[TABLE_COLUMNS[0]] >= 50)
-    return f"Fundamental solutions are off by at least {thin:.0f} % broadside from aspect ratio 50 on, at any depth of the sources."
+    return (
+        f"Fundamental solutions are off by at least {thin:.0f} % broadside from aspect ratio 50 on, at any depth of the sources."
+    )

@@ -4,7 +4,7 @@ Langevin noise by Euler-Maruyama."""
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_immersed.charts.body_rates import L, P, Q, X, BodyRates, cross, rotate, rotate_back
+from warp_immersed.charts.body_rates import BodyRates, L, P, Q, X, cross, rotate, rotate_back
 from warp_immersed.charts.integrators import loads, normalized, runge_kutta_4, times_vector
 
 Array = NDArray[np.float64]

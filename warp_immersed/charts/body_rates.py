@@ -71,9 +71,7 @@ class BodyRates:
     def state(self, emission: Emission) -> Array:
         """States (N, 16) of bodies as they start."""
         q = emission.orientations
-        velocities = np.concatenate(
-            [rotate_back(q, emission.velocities), rotate_back(q, emission.angular_velocities)], axis=1
-        )
+        velocities = np.concatenate([rotate_back(q, emission.velocities), rotate_back(q, emission.angular_velocities)], axis=1)
         momenta = np.einsum("nij,nj->ni", self.inertia, velocities)
         return np.concatenate([momenta, q, np.zeros_like(emission.positions), emission.positions], axis=1)
 
@@ -81,7 +79,9 @@ class BodyRates:
 def dop853(rates: BodyRates, y: Array, times: Array, tolerance: float = 1e-11) -> tuple[Array, int]:
     """States (len(times), N, 16) by SciPy's DOP853 from time 0, and the number of evaluations; times ascending [s]."""
     shape = y.shape
-    solver = DOP853(lambda _, flat: rates(flat.reshape(shape)).ravel(), 0.0, y.ravel(), times[-1], rtol=tolerance, atol=1e-2 * tolerance)
+    solver = DOP853(
+        lambda _, flat: rates(flat.reshape(shape)).ravel(), 0.0, y.ravel(), times[-1], rtol=tolerance, atol=1e-2 * tolerance
+    )
     states = []
     for time in times:
         while solver.t < time:

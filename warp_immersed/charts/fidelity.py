@@ -112,7 +112,9 @@ def draw(rows: Sequence[dict[str, Any]]) -> Any:
     keys: list[Any] = [
         Line2D([], [], color=color, marker="o", linestyle="", label=level) for level, color in zip(LEVELS, COLORS, strict=False)
     ]
-    keys.append(Line2D([], [], color="black", marker="o", markerfacecolor="none", markersize=11, linestyle="", label="chosen by auto"))
+    keys.append(
+        Line2D([], [], color="black", marker="o", markerfacecolor="none", markersize=11, linestyle="", label="chosen by auto")
+    )
     axis.legend(handles=keys, fontsize=8.5)
     axis.grid(alpha=0.25)
     axis.margins(x=0.2)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_immersed.charts.body_rates import L, P, Q, X, BodyRates, cross, rotate
+from warp_immersed.charts.body_rates import BodyRates, L, P, Q, X, cross, rotate
 
 Array = NDArray[np.float64]
 Step = Callable[[BodyRates, Array, float], Array]

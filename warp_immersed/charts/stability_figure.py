@@ -26,7 +26,9 @@ def draw(rows: Sequence[dict[str, Any]], noise: Sequence[dict[str, Any]]) -> Any
             mine = [row for row in rows if row["method"] == method and row["setting"] == setting]
             draw_map(axes[i][j], mine)
             if i == 0:
-                axes[i][j].set_title(method.replace(" ", "\n", 1).replace(", ", ",\n"), fontsize=8.5, fontweight="bold" if j == 0 else None)
+                axes[i][j].set_title(
+                    method.replace(" ", "\n", 1).replace(", ", ",\n"), fontsize=8.5, fontweight="bold" if j == 0 else None
+                )
             if j == 0:
                 axes[i][j].set_ylabel(f"{setting.replace(', ', chr(10)).replace(': ', chr(10))}\n\nthickness 1 :", fontsize=8)
             else:
@@ -39,7 +41,9 @@ def draw(rows: Sequence[dict[str, Any]], noise: Sequence[dict[str, Any]]) -> Any
         title="largest usable step; beyond it:  x blows up   ~ wrong regime   \u2192 drifts", title_fontsize=8.5,
     )  # fmt: skip
     axes[-1][len(methods) // 2].set_xlabel("density of the body over that of the fluid", fontsize=9)
-    figure.suptitle("warp_immersed is right at film frame rates wherever fixed steps, lagged added mass and the printed equations fail")
+    figure.suptitle(
+        "warp_immersed is right at film frame rates wherever fixed steps, lagged added mass and the printed equations fail"
+    )
     draw_noise(panels, noise)
     return figure
 
@@ -67,10 +71,17 @@ def draw_map(axis: Any, rows: Sequence[dict[str, Any]]) -> None:
 def draw_noise(panel: Any, rows: Sequence[dict[str, Any]]) -> None:
     """Variance of the seen wind against the step, and spin in gusts against time."""
     left, right = panel.subplots(1, 2)
-    colors = {"warp_immersed": "#d62728", "Euler-Maruyama": "#4e79a7", "RK4, noise after": "#9c755f", "undamped, as printed": "#4e79a7"}
+    colors = {
+        "warp_immersed": "#d62728",
+        "Euler-Maruyama": "#4e79a7",
+        "RK4, noise after": "#9c755f",
+        "undamped, as printed": "#4e79a7",
+    }
     for axis, quantity in ((left, "variance"), (right, "spin")):
         for method in dict.fromkeys(row["method"] for row in rows if row["quantity"] == quantity):
-            points = np.array([(row["at"], row["value"]) for row in rows if (row["quantity"], row["method"]) == (quantity, method)])
+            points = np.array(
+                [(row["at"], row["value"]) for row in rows if (row["quantity"], row["method"]) == (quantity, method)]
+            )
             finite = np.isfinite(points[:, 1])
             ours = method == "warp_immersed"
             axis.loglog(*points[finite].T, "o-", color=colors[method], label=method, linewidth=2.4 if ours else 1.2, markersize=4)

@@ -25,7 +25,9 @@ def noise_rows(quick: bool) -> list[dict[str, Any]]:
     for step in (0.1, 0.5, 1.0, 1.9, 2.1, 5.0, 10.0):
         for form in ("Euler-Maruyama", "RK4, noise after"):
             rows.append({"quantity": VARIANCE, "method": form, "at": step, "value": variance_ratio(form, step)})
-        rows.append({"quantity": VARIANCE, "method": "warp_immersed", "at": step, "value": seen_variance(step, 150 if quick else 1500)})
+        rows.append(
+            {"quantity": VARIANCE, "method": "warp_immersed", "at": step, "value": seen_variance(step, 150 if quick else 1500)}
+        )
     return rows + spin_rows(60 if quick else 400)
 
 
@@ -51,5 +53,7 @@ def spin_rows(bodies: int) -> list[dict[str, Any]]:
     for time, printed in zip(times, undamped_spin(times, float(beta)), strict=True):
         around = squares[round(0.75 * 24 * time) : round(24 * time) + 1]
         rows.append({"quantity": SPIN, "method": "warp_immersed", "at": float(time), "value": float(np.sqrt(around.mean()))})
-        rows.append({"quantity": SPIN, "method": "undamped, as printed", "at": float(time), "value": float(np.sqrt(3.0) * printed)})
+        rows.append(
+            {"quantity": SPIN, "method": "undamped, as printed", "at": float(time), "value": float(np.sqrt(3.0) * printed)}
+        )
     return rows

@@ -91,7 +91,9 @@ def draw(rows: Sequence[dict[str, Any]]) -> Any:
         axis.legend(fontsize=7.5)
         axis.grid(alpha=0.25)
     axes[0].set_ylabel("relative error (dashed: asked of the finest)")
-    figure.suptitle("Baking the wind: resolution (numbers: cells) buys accuracy, long steps (CFL) cost none of it where the flow is steady")
+    figure.suptitle(
+        "Baking the wind: resolution (numbers: cells) buys accuracy, long steps (CFL) cost none of it where the flow is steady"
+    )
     return figure
 
 

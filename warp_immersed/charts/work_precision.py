@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_immersed.charts.bodies import EVALUATIONS_PER_SUBSTEP, TestBody, evaluation_cost, run_product, test_bodies
-from warp_immersed.charts.body_rates import Q, X, BodyRates, dop853, rotate, started
+from warp_immersed.charts.body_rates import BodyRates, Q, X, dop853, rotate, started
 from warp_immersed.charts.figures import Report, Request, publish
 from warp_immersed.charts.integrators import INTEGRATORS, needs_diagonal
 from warp_immersed.device_state import Surroundings
@@ -126,7 +126,9 @@ def averages(velocities: Array, orientations: Array, angular_velocities: Array) 
     """The same from velocities in world axes, orientations and angular velocities in any axes, (T, N, ...) each."""
     normal = rotate(orientations, np.broadcast_to([0.0, 0.0, 1.0], velocities.shape))
     tilt = np.arccos(np.clip(np.abs(normal[..., 1]) / np.linalg.norm(normal, axis=-1), 0.0, 1.0))
-    return np.stack([-velocities[..., 1].mean(axis=0), tilt.mean(axis=0), np.linalg.norm(angular_velocities, axis=-1).mean(axis=0)])
+    return np.stack(
+        [-velocities[..., 1].mean(axis=0), tilt.mean(axis=0), np.linalg.norm(angular_velocities, axis=-1).mean(axis=0)]
+    )
 
 
 def compare(found: Array, expected: Array) -> tuple[float, float]:
@@ -138,7 +140,9 @@ def compare(found: Array, expected: Array) -> tuple[float, float]:
     return float(errors[worst]), float(spread[worst])
 
 
-def row_of(body: TestBody, name: str, h: float, seconds: float, error: float, standard_error: float, lost: float) -> dict[str, Any]:
+def row_of(
+    body: TestBody, name: str, h: float, seconds: float, error: float, standard_error: float, lost: float
+) -> dict[str, Any]:
     """One row of the table."""
     return {
         "body": body.name, "chaotic": int(body.chaotic), "integrator": name, "step_ms": 1e3 * h, "us_per_body_second": 1e6 * seconds,
@@ -179,9 +183,14 @@ def draw(rows: Sequence[dict[str, Any]]) -> Any:
     for axis in axes[3:]:
         axis.set_xlabel("one core's time for a second of one body, µs")
     keys: list[Any] = [Line2D([], [], color=c, marker=m, label=name) for name, (c, m) in STYLE.items()]
-    keys += [Line2D([], [], color="0.4", marker="x", linestyle="", label="diverged"), Patch(color="0.9", label="within statistics")]
+    keys += [
+        Line2D([], [], color="0.4", marker="x", linestyle="", label="diverged"),
+        Patch(color="0.9", label="within statistics"),
+    ]
     figure.legend(handles=keys, loc="outside lower center", ncols=8, fontsize=8, frameon=False)
-    figure.suptitle("warp_immersed (red) loses no body at any frame rate; fixed steps diverge (crosses) on thin and on fast bodies")
+    figure.suptitle(
+        "warp_immersed (red) loses no body at any frame rate; fixed steps diverge (crosses) on thin and on fast bodies"
+    )
     return figure
 
 

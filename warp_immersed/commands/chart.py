@@ -44,7 +44,9 @@ def chart(
     path = output or Path(f"{name}.png")
     if path.suffix not in PICTURES:
         if path.suffix and not path.is_dir():
-            raise InputError(f"output {str(path)!r}: found ending {path.suffix!r}, must be a folder or end in {', '.join(PICTURES)}")
+            raise InputError(
+                f"output {str(path)!r}: found ending {path.suffix!r}, must be a folder or end in {', '.join(PICTURES)}"
+            )
         path /= f"{name}.png"
     check_folder(path)
     start_warp()
