@@ -13,7 +13,7 @@ from pathlib import Path
 import warp as wp
 
 from benchmarks.measurement import Row, frames_done, rates, thin_ellipsoids
-from warp_immersed.kernels import integrate
+from warp_immersed.ensemble import KERNELS
 
 # Of one H100 SXM: memory [B/s] and single precision [flop/s].
 MEMORY, FLOPS = 3.35e12, 6.7e13
@@ -66,10 +66,10 @@ def without_graph(count: int, fps: float, frames: int = 50) -> Row:
 
 def resources(architecture: int = 90) -> Iterator[Row]:
     """Registers a thread, and bytes of stack (spills and local arrays) of each kernel, read off the compiled code."""
-    thin_ellipsoids(1, 24.0).close()  # makes the overloads of the generic kernels
+    thin_ellipsoids(1, 24.0).close()  # makes the overload of the generic kernel
     with tempfile.TemporaryDirectory() as folder:
         try:
-            wp.compile_aot_module(integrate, arch=architecture, module_dir=folder, use_ptx=False)
+            wp.compile_aot_module(KERNELS["quasi_steady"].module, arch=architecture, module_dir=folder, use_ptx=False)
         except Exception as error:  # Warp raises several kinds where it was built without NVRTC
             yield {"what": "cuda resources", "skipped": f"this Warp cannot compile for CUDA: {error}"}
             return

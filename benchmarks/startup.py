@@ -17,7 +17,7 @@ COMMANDS = {
 
 
 def rows(quick: bool) -> Iterator[Row]:
-    """Wall seconds of whole processes, caches warm; and of the last with empty caches, which compiles kernels and solves tensors."""
+    """Wall seconds of whole processes, caches warm; and of the last with empty ones: it compiles and solves tensors."""
     for name, arguments in COMMANDS.items():
         run(arguments, {})
         yield {
@@ -38,6 +38,5 @@ def run(arguments: list[str], environment: dict[str, str]) -> None:
     root = str(Path(__file__).resolve().parents[1])
     path = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH", "")]))
     with tempfile.TemporaryDirectory() as folder:
-        subprocess.run(
-            [sys.executable, *arguments], check=True, cwd=folder, capture_output=True, env={**os.environ, "PYTHONPATH": path, **environment}
-        )  # fmt: skip
+        variables = {**os.environ, "PYTHONPATH": path, **environment}
+        subprocess.run([sys.executable, *arguments], check=True, cwd=folder, capture_output=True, env=variables)

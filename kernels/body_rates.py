@@ -4,8 +4,8 @@ from typing import Any
 
 import warp as wp
 
-from warp_immersed.kernels.integrate import state_rates
-from warp_immersed.kernels.rigid_body import orientation_rate
+from warp_immersed.kernels.runge_kutta import orientation_rate
+from warp_immersed.kernels.state_rates import quasi_steady_state_rates
 
 wp.set_module_options({"enable_backward": False})
 
@@ -28,7 +28,8 @@ def body_rates(
     l = type(gravity)(state[i, 3], state[i, 4], state[i, 5])
     q = wp.quaternion(state[i, 6], state[i, 7], state[i, 8], state[i, 9])
     lift = type(gravity)(state[i, 10], state[i, 11], state[i, 12])
-    dp, dl, da, r, w, speed, spin = state_rates(kind, p, l, q, lift, gravity)
+    still = gravity - gravity  # the air does not turn
+    dp, dl, da, r, w, speed, spin = quasi_steady_state_rates(kind, p, l, q, lift, gravity, still)
     dq = orientation_rate(q, w)
     dx = wp.quat_rotate(q, r)
     for j in range(3):

@@ -13,8 +13,9 @@ from warp_immersed.body_model import BodyModel, body_model
 from warp_immersed.charts.body_rates import started
 from warp_immersed.device_state import Group, Precision, Surroundings
 from warp_immersed.emitters import Emission
-from warp_immersed.ensemble import FAILED, Ensemble
+from warp_immersed.ensemble import Ensemble
 from warp_immersed.fluid import AIR, WATER, Fluid
+from warp_immersed.kernels.rigid_body import FAILED
 from warp_immersed.shape import Shape
 
 Array = NDArray[np.float64]

@@ -36,8 +36,10 @@ class BodyRates:
     ):
         kind_struct, environment_struct = STRUCTS["float64"]
         none = started(0)
-        kinds, _, _ = kind_values([Group(model, none, 0) for model in models], np.zeros(len(models), dtype=np.int64))
-        environment = filled(environment_struct, environment_values(Surroundings(AIR, gravity=gravity), 1.0, 0))
+        still = Surroundings(AIR, gravity=gravity)
+        groups = [Group(model, none, 0) for model in models]
+        kinds, _, _ = kind_values(groups, np.zeros(len(models), dtype=np.int64), still, 1.0)
+        environment = filled(environment_struct, environment_values(still, 1.0, 0))
         count = len(kind_index)
         arrays = [wp.zeros((count, columns), dtype=wp.float64, device="cpu") for columns in (16, 16, 6)]
         self._state, self._rates, self._velocities = (array.numpy() for array in arrays)  # views

@@ -2,21 +2,20 @@
 
 import time
 from collections.abc import Sequence
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warp_immersed.charts.figures import Report, Request, publish
-from warp_immersed.ensemble import MOVING
 from warp_immersed.errors import InputError
-from warp_immersed.fidelity import Level
+from warp_immersed.fidelity import LEVELS, Level
+from warp_immersed.kernels.rigid_body import MOVING
 from warp_immersed.scene import Scene, builtin_scenes
 from warp_immersed.simulation import ensemble_of, plan
 
 Array = NDArray[np.float64]
 
-LEVELS: tuple[Level, ...] = get_args(Level)  # from the cheapest to the fullest
 COLORS = ("#76b7b2", "#59a14f", "#4e79a7", "#d62728", "#b07aa1")
 FINE = 8  # the reference has this many times the frames
 

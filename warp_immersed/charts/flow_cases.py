@@ -95,7 +95,7 @@ def reattachment(velocity: NDArray[np.float32], x: Array) -> float:
 
 def centers(setup: FlowSetup, axis: int) -> Array:
     """Coordinates of the cell centres along an axis [m]."""
-    return setup.lower[axis] + (np.arange(setup.cells[axis]) + 0.5) * setup.spacing[axis]
+    return np.asarray(setup.lower[axis] + (np.arange(setup.cells[axis]) + 0.5) * setup.spacing[axis], dtype=np.float64)
 
 
 def lid_cavity(n: int, reynolds: float) -> FlowSetup:
@@ -132,12 +132,12 @@ def cube_in_wind(n: int, axis: int = 0, forward: bool = True, height: float = 4.
     along = slice(3 * n, 4 * n) if forward else slice(6 * n, 7 * n)
     across = slice(2 * n, 3 * n)
     solid[(along if axis == 0 else across), :n, (along if axis == 2 else across)] = True
-    wind = [0.0, 0.0, 0.0]
-    wind[axis] = 1.0 if forward else -1.0
-    sides: list[Boundary] = [Slip(), Slip(), Wall(), Slip(), Slip(), Slip()]
-    sides[2 * axis + (0 if forward else 1)] = Inlet.from_intensity(tuple(wind), 0.1, 0.3)
-    sides[2 * axis + (1 if forward else 0)] = Outlet()
-    return FlowSetup((0.0, 0.0, 0.0), tuple(c / n for c in cells), cells, tuple(sides), 1e-5, solid=solid)
+    blows = 1.0 if forward else -1.0
+    ends: list[Boundary] = [Inlet.from_intensity((blows, 0.0, 0.0) if axis == 0 else (0.0, 0.0, blows), 0.1, 0.3), Outlet()]
+    first, last = ends if forward else reversed(ends)
+    x, z = ((first, last), (Slip(), Slip())) if axis == 0 else ((Slip(), Slip()), (first, last))
+    upper = (cells[0] / n, cells[1] / n, cells[2] / n)
+    return FlowSetup((0.0, 0.0, 0.0), upper, cells, (*x, Wall(), Slip(), *z), 1e-5, solid=solid)
 
 
 def periodic_box(
@@ -150,6 +150,6 @@ def periodic_box(
     velocity: tuple[float, float, float] | None = None,
 ) -> FlowSetup:
     """A box that repeats in x and y (and z unless it is one cell)."""
-    across = Slip() if cells[2] == 1 else Periodic()
-    sides: tuple[Boundary, ...] = (Periodic(), Periodic(), Periodic(), Periodic(), across, across)
+    across: Boundary = Slip() if cells[2] == 1 else Periodic()
+    sides = (Periodic(), Periodic(), Periodic(), Periodic(), across, across)
     return FlowSetup((0.0, 0.0, 0.0), size, cells, sides, viscosity, velocity=velocity, k=k, epsilon=epsilon, turbulent=turbulent)

@@ -6,7 +6,13 @@ from typing import Any
 import numpy as np
 
 # from the worst class to the best: the largest usable step [ms] from which on it holds
-CLASSES = ((0.0, "#c0392b", "none"), (0.3, "#e67e22", "< 1 ms"), (1.0, "#f1c40f", "1 to 5 ms"), (5.0, "#b7d66b", "5 to 40 ms"), (41.0, "#2e8b57", "1/24 s or more"))  # fmt: skip
+CLASSES = (
+    (0.0, "#c0392b", "none"),
+    (0.3, "#e67e22", "< 1 ms"),
+    (1.0, "#f1c40f", "1 to 5 ms"),
+    (5.0, "#b7d66b", "5 to 40 ms"),
+    (41.0, "#2e8b57", "1/24 s or more"),
+)
 MARKS = {"blows up": "x", "wrong regime": "~", "drifts": "\u2192", "refused": "\u2013", "": ""}
 
 
@@ -18,7 +24,7 @@ def draw(rows: Sequence[dict[str, Any]], noise: Sequence[dict[str, Any]]) -> Any
     methods = list(dict.fromkeys(row["method"] for row in rows))
     methods = [methods[-1], *methods[:-1]]
     settings = list(dict.fromkeys(row["setting"] for row in rows))
-    figure = Figure(figsize=(1.28 * len(methods) + 1.2, 8.6), layout="constrained")
+    figure: Any = Figure(figsize=(1.28 * len(methods) + 1.2, 8.6), layout="constrained")
     maps, panels = figure.subfigures(2, 1, height_ratios=(2.3, 1.0))
     axes = maps.subplots(len(settings), len(methods), squeeze=False)
     for i, setting in enumerate(settings):

@@ -32,7 +32,7 @@ def noise_rows(quick: bool) -> list[dict[str, Any]]:
 
 
 def seen_variance(frames_in_time_scale: float, bodies: int) -> float:
-    """Variance of the velocity of 0.2 mm flakes, which follow the air within some milliseconds, over 2 k / 3; frames of this many T_L."""
+    """Variance of the velocity of 0.2 mm flakes, which follow the air in milliseconds, over 2 k / 3; frames of so many T_L."""
     model = model_in(library.disk(2e-4, 2e-5, 500.0), AIR)
     time_scale = lagrangian_time_scale(BREEZE, AIR)
     fps = 1.0 / (frames_in_time_scale * time_scale)

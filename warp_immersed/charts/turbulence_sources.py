@@ -81,4 +81,4 @@ def chart(request: Request) -> str:
     rows = table()
     publish(request, lambda: draw_sources(rows), rows)
     broken = min(row["step"] for row in rows if not np.isfinite(row["error"]))
-    return f"The sources as printed are no longer positive from a step of {broken:.2g} k / epsilon on; those used stay so at any step."
+    return f"As printed the sources leave positive numbers at steps from {broken:.2g} k / epsilon on; those used here never do."

@@ -145,8 +145,8 @@ def row_of(
 ) -> dict[str, Any]:
     """One row of the table."""
     return {
-        "body": body.name, "chaotic": int(body.chaotic), "integrator": name, "step_ms": 1e3 * h, "us_per_body_second": 1e6 * seconds,
-        "error": float(error), "standard_error": float(standard_error), "lost": lost,
+        "body": body.name, "chaotic": int(body.chaotic), "integrator": name, "step_ms": 1e3 * h,
+        "us_per_body_second": 1e6 * seconds, "error": float(error), "standard_error": float(standard_error), "lost": lost,
     }  # fmt: skip
 
 
