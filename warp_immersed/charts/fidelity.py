@@ -100,6 +100,8 @@ def draw(rows: Sequence[dict[str, Any]]) -> Any:
                 continue
             at = (mine[0]["us_per_body_second"], max(worst(mine), 1e-3))
             points.append(at)
+            noise = max(row["standard_error"] for row in mine)
+            axis.plot([at[0], at[0]], [max(at[1] - noise, 1e-3), at[1] + noise], color=color, linewidth=1.0, alpha=0.5)
             axis.plot(*at, "o", color=color, markersize=7, zorder=3)
             if any(row["auto"] for row in mine):
                 axis.plot(*at, "o", color="black", markersize=12, markerfacecolor="none", zorder=4)
@@ -114,10 +116,10 @@ def draw(rows: Sequence[dict[str, Any]]) -> Any:
     keys.append(
         Line2D([], [], color="black", marker="o", markerfacecolor="none", markersize=11, linestyle="", label="chosen by auto")
     )
-    axis.legend(handles=keys, fontsize=8.5)
+    axis.legend(handles=keys, fontsize=8.5, loc="lower left")
     axis.grid(alpha=0.25)
     axis.margins(x=0.2)
-    axis.set_title("What each level of fidelity costs and gets wrong, on the built-in scenes")
+    axis.set_title("Fidelity on the built-in scenes: auto (rings) takes the cheapest level that is right (bars: standard error)")
     return figure
 
 
