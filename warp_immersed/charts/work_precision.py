@@ -41,7 +41,7 @@ def measure(quick: bool, report: Report) -> list[dict[str, Any]]:
 def measure_paths(body: TestBody, quick: bool) -> list[dict[str, Any]]:
     """Median over starts of the distance in lengths plus the angle in radians to the reference after a time."""
     seconds = 0.25 if body.spin[0] > 100.0 else 1.0
-    emission = started(8 if quick else 32, 1, body.spin)
+    emission = started(8 if quick else 16, 1, body.spin)
     rates = BodyRates([body.model], np.zeros(len(emission.positions), dtype=np.int64))
     start = rates.state(emission)
     reference = dop853(rates, start, np.array([seconds]))[0][0]
@@ -75,12 +75,12 @@ def measure_paths(body: TestBody, quick: bool) -> list[dict[str, Any]]:
 def steps(seconds: float, quick: bool) -> list[float]:
     """Steps [s] that divide a time, from a twelfth of a second down."""
     longest = 1.0 / 12.0
-    return [longest / 2**n for n in range(8 if quick else 11)]
+    return [longest / 2**n for n in range(8 if quick else 9)]
 
 
 def measure_statistics(body: TestBody, quick: bool) -> list[dict[str, Any]]:
     """Largest relative error of mean descent, tilt and spin, and its standard error."""
-    seconds, count = (2.5, 64) if quick else (6.0, 600)
+    seconds, count = (2.5, 64) if quick else (4.0, 240)
     emission = started(count, 1, body.spin)
     rates = BodyRates([body.model], np.zeros(count, dtype=np.int64))
     start = rates.state(emission)
