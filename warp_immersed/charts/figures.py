@@ -38,11 +38,11 @@ def save_figure(draw: Callable[[], Any], output: str | Path) -> Path:
         figure = draw()
     except ImportError as error:
         raise InputError("charts need matplotlib: pip install 'warp-immersed[charts]'") from error
-    figure.text(0.5, 0.0, stamp(), ha="center", va="top", fontsize=6.5, color="0.45")
+    figure.text(0.5, -0.01, stamp(), ha="center", va="top", fontsize=6.5, color="0.45", in_layout=False)
     path = Path(output)
     partial = path.with_name(f".{path.stem}.partial{path.suffix}")
     try:
-        figure.savefig(partial, dpi=110, bbox_inches="tight", pad_inches=0.12)
+        figure.savefig(partial, dpi=100, bbox_inches="tight", pad_inches=0.2)
         os.replace(partial, path)
     except (OSError, ValueError) as error:
         raise InputError(f"{output}: cannot be written ({error}); name a .png, .pdf or .svg file") from error
