@@ -50,7 +50,7 @@ class PrintedEquations:
         self._gravity = np.outer(net_weights, (0.0, -9.81, 0.0))
 
     def rates(self, y: Array) -> Array:
-        """Rates of states (N, 16), in which the momenta are M v and J w."""
+        """Rates of states (N, 25), in which the momenta are M v and J w."""
         dy = np.zeros_like(y)
         velocities = np.einsum("nij,nj->ni", self._inverse, y[:, :6])
         v, w = velocities[:, :3], velocities[:, 3:]
@@ -79,7 +79,7 @@ class AbsoluteVelocity:
         self._wind = np.tile(wind, (len(rates.inertia), 1))
 
     def rates(self, y: Array) -> Array:
-        """Rates of states (N, 16), whose momenta are absolute."""
+        """Rates of states (N, 25), whose momenta are absolute."""
         body = self._rates
         wind = rotate_back(y[:, Q], self._wind)
         relative = y.copy()

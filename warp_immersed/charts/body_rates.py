@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
 from warp_immersed.body_model import BodyModel
-from warp_immersed.device_state import STRUCTS, Group, Surroundings, environment_values, filled, kind_values
+from warp_immersed.device_state import STRUCTS, Group, Surroundings, environment_values, filled, kind_values, plate_values
 from warp_immersed.emitters import Emission, random_rotations
 from warp_immersed.fluid import AIR
 from warp_immersed.kernels.body_rates import body_rates
@@ -16,14 +16,15 @@ from warp_immersed.kernels.body_rates import body_rates
 Array = NDArray[np.float64]
 
 # columns of a state
-P, L, Q, LIFT, X = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13), slice(13, 16)
+P, L, Q, X = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13)
+LIFTS, COLUMNS = 12, 25
 
 
 class BodyRates:
     """Rates of N bodies in still air.
 
-    Calling it with states y (N, 16) gives dy/dt (N, 16); `velocities` (N, 6) are then those of y, body axes, linear then
-    angular. Columns: momentum, angular momentum, orientation (x, y, z, w), lift, position.
+    Calling it with states y (N, 25) gives dy/dt (N, 25); `velocities` (N, 6) are then those of y, body axes, linear then
+    angular. Columns: momentum, angular momentum, orientation (x, y, z, w), position, lift of up to four plates.
 
     Args:
         models: kinds of body.
@@ -34,20 +35,21 @@ class BodyRates:
     def __init__(
         self, models: Sequence[BodyModel], kind_index: NDArray[np.int64], gravity: tuple[float, float, float] = (0.0, -9.81, 0.0)
     ):
-        kind_struct, environment_struct = STRUCTS["float64"]
+        kind_struct, plate_struct, environment_struct = STRUCTS["float64"]
         none = started(0)
         still = Surroundings(AIR, gravity=gravity)
         groups = [Group(model, none, 0) for model in models]
         kinds, _, _ = kind_values(groups, np.zeros(len(models), dtype=np.int64), still, 1.0)
         environment = filled(environment_struct, environment_values(still, 1.0, 0))
         count = len(kind_index)
-        arrays = [wp.zeros((count, columns), dtype=wp.float64, device="cpu") for columns in (16, 16, 6)]
+        arrays = [wp.zeros((count, columns), dtype=wp.float64, device="cpu") for columns in (COLUMNS, COLUMNS, 6)]
         self._state, self._rates, self._velocities = (array.numpy() for array in arrays)  # views
         self._launch = wp.launch(
             body_rates,
             dim=count,
             inputs=[
                 wp.array([filled(kind_struct, values) for values in kinds], dtype=kind_struct, device="cpu"),
+                wp.array([filled(plate_struct, values) for values in plate_values(groups)], dtype=plate_struct, device="cpu"),
                 wp.array([environment], dtype=environment_struct, device="cpu"),
                 wp.array(kind_index, dtype=wp.int32, device="cpu"),
                 arrays[0],
@@ -71,15 +73,15 @@ class BodyRates:
         return self._velocities.copy()
 
     def state(self, emission: Emission) -> Array:
-        """States (N, 16) of bodies as they start."""
+        """States (N, 25) of bodies as they start."""
         q = emission.orientations
         velocities = np.concatenate([rotate_back(q, emission.velocities), rotate_back(q, emission.angular_velocities)], axis=1)
         momenta = np.einsum("nij,nj->ni", self.inertia, velocities)
-        return np.concatenate([momenta, q, np.zeros_like(emission.positions), emission.positions], axis=1)
+        return np.concatenate([momenta, q, emission.positions, np.zeros((len(q), LIFTS))], axis=1)
 
 
 def dop853(rates: BodyRates, y: Array, times: Array, tolerance: float = 1e-11) -> tuple[Array, int]:
-    """States (len(times), N, 16) by SciPy's DOP853 from time 0, and the number of evaluations; times ascending [s]."""
+    """States (len(times), N, 25) by SciPy's DOP853 from time 0, and the number of evaluations; times ascending [s]."""
     shape = y.shape
     solver = DOP853(
         lambda _, flat: rates(flat.reshape(shape)).ravel(), 0.0, y.ravel(), times[-1], rtol=tolerance, atol=1e-2 * tolerance

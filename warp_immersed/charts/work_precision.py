@@ -117,7 +117,7 @@ def measure_statistics(body: TestBody, quick: bool) -> list[dict[str, Any]]:
 
 
 def statistics(rates: BodyRates, states: Array) -> Array:
-    """Descent [m/s], tilt [rad] and spin [rad/s] of each body (3, N), averaged over states (T, N, 16)."""
+    """Descent [m/s], tilt [rad] and spin [rad/s] of each body (3, N), averaged over states (T, N, 25)."""
     velocities = np.einsum("nij,tnj->tni", rates.inverse, states[..., :6])
     return averages(rotate(states[..., Q], velocities[..., :3]), states[..., Q], velocities[..., 3:])
 
