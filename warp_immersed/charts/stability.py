@@ -312,10 +312,11 @@ def chart(request: Request) -> str:
     write_table(noise, request.output.with_name(f"{request.output.stem}-noise.csv"))
     publish(request, lambda: stability_figure.draw(rows, noise), rows)
     ours = [row for row in rows if row["method"] == OURS]
-    red = sum(row["largest_step_ms"] < 1e3 / 24.0 - 1e-6 for row in ours)
+    right = sum(row["largest_step_ms"] >= 1e3 / 24.0 - 1e-6 for row in ours)
+    refused = sum(row["largest_step_ms"] == 0.0 and row["beyond"] == REFUSED for row in ours)
     others = [row for row in rows if row["method"] != OURS]
     unusable = sum(row["largest_step_ms"] == 0.0 for row in others)
     return (
-        f"warp_immersed is right at 24 fps in {len(ours) - red} of {len(ours)} cases; the other methods have no usable step in "
-        f"{unusable} of {len(others)}."
+        f"warp_immersed is right at 24 fps in {right} of {len(ours)} cases, wrong in {len(ours) - right - refused}, and refuses "
+        f"{refused}; the other methods have no usable step in {unusable} of {len(others)}."
     )

@@ -44,7 +44,8 @@ def draw(rows: Sequence[dict[str, Any]], noise: Sequence[dict[str, Any]]) -> Any
     keys = [Patch(color=color, label=text) for _, color, text in CLASSES]
     maps.legend(
         handles=keys, loc="outside lower center", ncols=len(keys), fontsize=8.5, frameon=False,
-        title="largest usable step; beyond it:  x blows up   ~ wrong regime   \u2192 drifts", title_fontsize=8.5,
+        title="largest usable step; beyond it:  x blows up   ~ wrong regime   \u2192 drifts   \u2013 refused with a message (grey)",
+        title_fontsize=8.5,
     )  # fmt: skip
     axes[-1][len(methods) // 2].set_xlabel("density of the body over that of the fluid", fontsize=9)
     figure.suptitle(
@@ -65,9 +66,12 @@ def draw_map(axis: Any, rows: Sequence[dict[str, Any]]) -> None:
     for row in rows:
         x, y = across.index(row["density_ratio"]), up.index(row["aspect_ratio"])
         values[y, x] = row["largest_step_ms"]
+        if row["beyond"] == "refused" and row["largest_step_ms"] == 0.0:
+            values[y, x] = np.nan
         axis.text(x, y, MARKS[row["beyond"]], ha="center", va="center", fontsize=8, color="black")
     bounds = [-1.0, *(start for start, _, _ in CLASSES[1:]), 1e6]
     colors = ListedColormap([color for _, color, _ in CLASSES])
+    colors.set_bad("0.75")
     axis.imshow(values, origin="lower", aspect="auto", cmap=colors, norm=BoundaryNorm(bounds, colors.N))
     axis.set_xticks(range(len(across)), [f"{value:g}" for value in across], fontsize=6, rotation=90)
     axis.set_yticks(range(len(up)), [f"{value:g}" for value in up], fontsize=7)

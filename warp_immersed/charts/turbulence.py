@@ -72,6 +72,7 @@ def measure(quick: bool, report: Report) -> list[dict[str, Any]]:
 def draw(rows: Sequence[dict[str, Any]]) -> Any:
     """A matplotlib figure: error against time, a panel a flow, a line a CFL number, the points finer and finer."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import NullFormatter
 
     figure = Figure(figsize=(12.6, 3.9), layout="constrained")
     axes = figure.subplots(1, len(FLOWS))
@@ -86,6 +87,7 @@ def draw(rows: Sequence[dict[str, Any]]) -> Any:
                 at = (row["cpu_s"], row["error"])
                 axis.annotate(f"{row['cells']}", at, xytext=(5, 4), textcoords="offset points", fontsize=8)
         axis.axhline(mine[0]["asked"], color="grey", linewidth=0.8, linestyle="--")
+        axis.xaxis.set_minor_formatter(NullFormatter())
         axis.set_title(flow.replace(": ", ":\n"), fontsize=9.5)
         axis.set_xlabel("CPU time, s")
         axis.legend(fontsize=7.5)
