@@ -40,7 +40,7 @@ def save_figure(draw: Callable[[], Any], output: str | Path) -> Path:
         figure = draw()
     except ImportError as error:
         raise InputError("charts need matplotlib: pip install 'warp-immersed[charts]'") from error
-    figure.text(0.5, -0.01, stamp(), ha="center", va="top", fontsize=6.5, color="0.45", in_layout=False)
+    figure.text(0.5, -0.002, stamp(), ha="center", va="top", fontsize=6.5, color="0.45", in_layout=False)
     path = Path(output)
     partial = path.with_name(f".{path.stem}.partial{path.suffix}")
     try:

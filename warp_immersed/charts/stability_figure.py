@@ -44,7 +44,7 @@ def draw(rows: Sequence[dict[str, Any]], noise: Sequence[dict[str, Any]]) -> Any
     keys = [Patch(color=color, label=text) for _, color, text in CLASSES]
     maps.legend(
         handles=keys, loc="outside lower center", ncols=len(keys), fontsize=8.5, frameon=False,
-        title="largest usable step; beyond it:  x blows up   ~ wrong regime   \u2192 drifts   \u2013 refused with a message (grey)",
+        title="largest usable step; beyond it:  x blows up   ~ wrong regime   \u2192 drifts   \u2013 refused (grey)",
         title_fontsize=8.5,
     )  # fmt: skip
     axes[-1][len(methods) // 2].set_xlabel("density of the body over that of the fluid", fontsize=9)
