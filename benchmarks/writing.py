@@ -12,10 +12,11 @@ import numpy as np
 
 import warp_immersed as wi
 from benchmarks.measurement import Row
-from warp_immersed.recording import DATASETS, RecordingWriter
+from warp_immersed.recording import DATASETS, start_recording
 from warp_immersed.simulation import choose_device, ensemble_of, manifest_of, plan
 from warp_immersed.usd import UsdWriter
 
+FRAMES = 240
 SCENE = """
 duration = 100.0
 fps = 24
@@ -41,13 +42,13 @@ def rows(quick: bool) -> Iterator[Row]:
         manifest = manifest_of(planned, choose_device("cpu"))
         writers: dict[str, Callable[[Path], Any]] = {
             "usdc": lambda path, p=planned, m=manifest: UsdWriter(path, p.prototypes, 24.0, m),
-            "h5": lambda path, p=planned, m=manifest: RecordingWriter(path, p.prototypes, 24.0, m),
+            "h5": lambda path, p=planned, m=manifest: start_recording(path, p.prototypes, 24.0, m, FRAMES),
         }
         for ending, make in writers.items():
-            yield {"what": "writing", "format": ending, "bodies": count, "frames": 240, **timed(make, ending, states, 240)}
+            yield {"what": "writing", "format": ending, "bodies": count, "frames": FRAMES, **timed(make, ending, states)}
 
 
-def timed(make: Callable[[Path], Any], ending: str, states: list[Any], frames: int) -> Row:
+def timed(make: Callable[[Path], Any], ending: str, states: list[Any]) -> Row:
     """Best of three: the writer until its bytes are on the disk, and plain writing of as many bytes."""
     ours, floor = [], []
     with tempfile.TemporaryDirectory() as folder:
@@ -55,8 +56,8 @@ def timed(make: Callable[[Path], Any], ending: str, states: list[Any], frames: i
         for _ in range(3):
             start = time.perf_counter()
             writer = make(path)
-            for frame in range(frames):
-                writer.write(states[frame % len(states)])
+            for frame in range(FRAMES):
+                writer.write(replace(states[frame % len(states)], index=frame, time=frame / 24.0))
             writer.finish()
             with open(path, "rb+") as file:
                 os.fsync(file.fileno())
