@@ -70,8 +70,7 @@ def draw_map(axis: Any, rows: Sequence[dict[str, Any]]) -> None:
             values[y, x] = np.nan
         axis.text(x, y, MARKS[row["beyond"]], ha="center", va="center", fontsize=8, color="black")
     bounds = [-1.0, *(start for start, _, _ in CLASSES[1:]), 1e6]
-    colors = ListedColormap([color for _, color, _ in CLASSES])
-    colors.set_bad("0.75")
+    colors = ListedColormap([color for _, color, _ in CLASSES]).with_extremes(bad="0.75")
     axis.imshow(values, origin="lower", aspect="auto", cmap=colors, norm=BoundaryNorm(bounds, colors.N))
     axis.set_xticks(range(len(across)), [f"{value:g}" for value in across], fontsize=6, rotation=90)
     axis.set_yticks(range(len(up)), [f"{value:g}" for value in up], fontsize=7)
