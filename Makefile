@@ -22,7 +22,7 @@ types: $(VENV)/.test
 	$(BIN)/mypy
 
 bench: $(VENV)/.run
-	$(BIN)/python benchmarks/simulate.py
+	$(BIN)/python -m benchmarks --output out/benchmarks.jsonl
 
 # The pictures in docs/gallery, each from its scene's own output. After a change of the physics: make -B gallery
 gallery: $(patsubst scenes/%.toml,docs/gallery/%.png,$(wildcard scenes/*.toml))

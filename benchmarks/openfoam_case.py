@@ -1,4 +1,4 @@
-"""The backward-facing step as an OpenFOAM v1912 case on the same cells, for `benchmarks/k_epsilon.py`.
+"""The backward-facing step as an OpenFOAM v1912 case on the same cells, for `python -m benchmarks bake`.
 
 Needs the Debian package `openfoam` (apt install openfoam). Same coefficients, wall functions and orders as `KEpsilonSolver`;
 SIMPLEC with relaxation .9, which is what its tutorials use for this kind of flow.

@@ -8,11 +8,12 @@ pytest.importorskip("matplotlib")
 
 
 def test_figure_and_table_are_written(tmp_path, monkeypatch) -> None:
-    from warp_immersed.charts import added_mass
+    from warp_immersed.charts import added_mass_failures
+    from warp_immersed.charts.figures import Request
 
     rows = failure_table(aspect_ratios=(1, 50), subdivisions=(2,), offsets=(0.5, 1.0))
-    monkeypatch.setattr(added_mass, "failure_table", lambda: rows)
-    added_mass.chart_failures(tmp_path / "failures.png")
+    monkeypatch.setattr(added_mass_failures, "failure_table", lambda: rows)
+    added_mass_failures.chart(Request(tmp_path / "failures.png"))
     assert (tmp_path / "failures.png").read_bytes().startswith(b"\x89PNG")
     table = (tmp_path / "failures.csv").read_text().splitlines()
     assert table[0] == ",".join(TABLE_COLUMNS)

@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
 
-from warp_immersed.charts.field import chart_field, slice_indices
-from warp_immersed.charts.turbulence_sources import chart_sources, exact, explicit, patankar, relative_error
+from warp_immersed.charts import field, turbulence_sources
+from warp_immersed.charts.field import slice_indices
+from warp_immersed.charts.figures import Request
+from warp_immersed.charts.turbulence_sources import exact, explicit, patankar, relative_error
 from warp_immersed.errors import InputError
 from warp_immersed.turbulence_grid import TurbulenceGrid
 
@@ -24,7 +26,8 @@ def make_grid(cells, solid=None):
 @pytest.mark.parametrize("cells", [(16, 8, 1), (16, 8, 6)])
 def test_a_bake_becomes_a_picture(cells, tmp_path):
     make_grid(cells, np.s_[4:6, :3, :2]).save(tmp_path / "field.h5")
-    picture = chart_field(tmp_path / "field.h5", tmp_path / "field.png")
+    picture = tmp_path / "field.png"
+    assert "reaches 8 m/s" in field.chart(Request(picture, source=tmp_path / "field.h5"))
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
@@ -36,7 +39,7 @@ def test_slices_pass_through_the_obstacle():
 def test_a_picture_that_cannot_be_written_is_an_input_error(tmp_path):
     make_grid((16, 8, 1)).save(tmp_path / "field.h5")
     with pytest.raises(InputError, match="cannot be written"):
-        chart_field(tmp_path / "field.h5", tmp_path / "none" / "field.png")
+        field.chart(Request(tmp_path / "none" / "field.png", source=tmp_path / "field.h5"))
 
 
 def test_only_the_explicit_sources_leave_positive_numbers():
@@ -47,4 +50,6 @@ def test_only_the_explicit_sources_leave_positive_numbers():
 
 
 def test_the_sources_become_a_picture(tmp_path):
-    assert chart_sources(tmp_path / "sources.png").read_bytes().startswith(b"\x89PNG")
+    turbulence_sources.chart(Request(tmp_path / "sources.png"))
+    assert (tmp_path / "sources.png").read_bytes().startswith(b"\x89PNG")
+    assert len((tmp_path / "sources.csv").read_text().splitlines()) == 1 + 3 * 25

@@ -2,8 +2,17 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.flow_cases import backward_step, centers, cube_in_wind, decaying_duct, periodic_box, reattachment
 from warp_immersed.boundaries import Inlet, LogInlet, Outlet, Periodic, Slip, Wall
+from warp_immersed.charts.flow_cases import (
+    backward_step,
+    centers,
+    cube_in_wind,
+    decaying_duct,
+    exact_decay,
+    periodic_box,
+    reattachment,
+    taylor_green,
+)
 from warp_immersed.errors import InputError
 from warp_immersed.flow_setup import FlowSetup
 from warp_immersed.k_epsilon import DivergedError, KEpsilonSolver
@@ -11,14 +20,6 @@ from warp_immersed.kernels import k_epsilon as device
 from warp_immersed.launch_plan import LaunchPlan
 from warp_immersed.poisson import add_v_cycle
 from warp_immersed.unsteady import UnsteadySolver
-
-C2 = 1.92
-
-
-def exact_decay(time, k=1.0, epsilon=1.0):
-    """k and epsilon of homogeneous turbulence after a time [s] without production: d k/dt = -eps, d eps/dt = -C2 eps^2/k."""
-    f = 1.0 + (C2 - 1.0) * time * epsilon / k
-    return k * f ** (-1.0 / (C2 - 1.0)), epsilon * f ** (-C2 / (C2 - 1.0))
 
 
 @pytest.mark.parametrize("step", [0.01, 0.1, 1.0, 10.0])
@@ -193,22 +194,6 @@ def test_one_multigrid_cycle_divides_the_residual_by_four():
     near += [pad[middle, middle, :-2], pad[middle, middle, 2:]]
     residual = b - (sum(p[..., f] * near[f] for f in range(6)) - p[..., 7] * x)
     assert np.linalg.norm(residual) < 0.25 * np.linalg.norm(b)
-
-
-def taylor_green(cells, cfl):
-    """Relative L2 error of a decaying 2-D Taylor-Green vortex, nu = .01, after 2 pi s (exact: exp(-2 nu t))."""
-    h = 2.0 * np.pi / cells
-    setup = periodic_box((cells, cells, 1), (2 * np.pi, 2 * np.pi, h), 0.01, turbulent=False, velocity=(1.0, 0.0, 0.0))
-    base = KEpsilonSolver(setup, threads=1)
-    x, y = np.meshgrid(centers(setup, 0), centers(setup, 1), indexing="ij")
-    exact = np.stack([np.cos(x) * np.sin(y), -np.sin(x) * np.cos(y), 0.0 * x], axis=-1)[:, :, None]
-    base.velocity.assign(exact.astype(np.float32))
-    base.pressure.assign((-(np.cos(2 * x) + np.cos(2 * y)) / 4)[:, :, None].astype(np.float32))
-    duration = 2.0 * np.pi
-    solver = UnsteadySolver(base, dt=duration / round(duration / (cfl * h)))
-    solver.advance(duration)
-    exact *= np.exp(-0.02 * duration)
-    return np.linalg.norm(base.velocity.numpy() - exact) / np.linalg.norm(exact)
 
 
 def test_taylor_green_vortices_decay_at_second_order():

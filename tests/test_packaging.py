@@ -87,6 +87,6 @@ def test_dependencies_are_those_imported() -> None:
                 imported |= {alias.name.split(".")[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.module:
                 imported.add(node.module.split(".")[0])
-    extras = {"matplotlib", "mitsuba", "imageio_ffmpeg", "viser", "PIL"}  # PIL is pillow
+    extras = {"matplotlib", "mitsuba", "imageio_ffmpeg", "viser", "PIL", "mujoco", "capytaine"}  # PIL is pillow
     third_party = imported - set(sys.stdlib_module_names) - {"warp_immersed"} - extras
     assert third_party == declared - {"networkx", "pillow"}

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.flow_cases import centers
 from warp_immersed.boundaries import Inlet, Outlet, Slip
+from warp_immersed.charts.flow_cases import centers
 from warp_immersed.flow_setup import FlowSetup
 from warp_immersed.k_epsilon import KEpsilonSolver
 

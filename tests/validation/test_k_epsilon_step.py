@@ -7,10 +7,9 @@ limitedLinear for k and epsilon, uniform inflow U = 1 m/s, intensity 5 %, length
 import numpy as np
 import pytest
 
-from tests.flow_cases import backward_step, centers, reattachment
+from warp_immersed.charts.flow_cases import STEP_REATTACHMENT, backward_step, centers, reattachment
 from warp_immersed.k_epsilon import KEpsilonSolver
 
-REATTACHMENT = 5.81  # H
 # x/H: rows of y/H, u, v [m/s], k [m^2/s^2], epsilon [m^2/s^3], every fourth cell
 PROFILES = {
     1: [
@@ -79,7 +78,7 @@ def test_reattachment(step):
     solver, verdict = step
     assert verdict.converged, verdict.advice
     found = reattachment(solver.fields()["velocity"], centers(solver.setup, 0))
-    assert found == pytest.approx(REATTACHMENT, rel=0.03)
+    assert found == pytest.approx(STEP_REATTACHMENT, rel=0.03)
     assert found == pytest.approx(5.875, rel=0.005)  # the same at CFL 5 and 10
 
 

@@ -1,12 +1,12 @@
 """A picture of a baked flow: speed with streamlines, k and epsilon, obstacles shaded."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_immersed.charts.figures import save_figure
+from warp_immersed.charts.figures import Request, save_figure
+from warp_immersed.errors import InputError
 from warp_immersed.turbulence_grid import TurbulenceGrid
 
 Array = NDArray[np.float32]
@@ -48,14 +48,19 @@ def draw_field(grid: TurbulenceGrid, time: float | None = None) -> Any:
     return figure
 
 
-def chart_field(path: str | Path, output: str | Path, time: float | None = None) -> Path:
-    """Draw a bake file to a picture (the kind follows the name: .png, .pdf, .svg).
+def chart(request: Request) -> str:
+    """Draw a bake file to a picture.
 
     Raises:
-        InputError: the bake cannot be read, matplotlib is missing, or the picture cannot be written.
+        InputError: no bake file is given, it cannot be read, matplotlib is missing, or the picture cannot be written.
     """
-    grid = TurbulenceGrid.load(path)
-    return save_figure(lambda: draw_field(grid, time), output)
+    if request.source is None:
+        raise InputError("chart field: missing the bake file (.h5) to draw")
+    grid = TurbulenceGrid.load(request.source)
+    save_figure(lambda: draw_field(grid, request.time), request.output)
+    velocity, k, _ = snapshot(grid, request.time)
+    fastest, rms = np.linalg.norm(velocity[grid.fluid], axis=-1).max(), np.sqrt(2.0 / 3.0 * k[grid.fluid].max())
+    return f"The wind reaches {fastest:.3g} m/s, its gusts {rms:.3g} m/s rms a component."
 
 
 def snapshot(grid: TurbulenceGrid, time: float | None) -> tuple[Array, Array, Array]:

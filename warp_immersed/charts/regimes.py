@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from warp_immersed import library
 from warp_immersed.charts.falls import REGIMES, Falls, simulate_falls
-from warp_immersed.charts.figures import save_figure
+from warp_immersed.charts.figures import Request, save_figure
 from warp_immersed.errors import InputError
 from warp_immersed.shape import Shape
 
@@ -177,6 +177,11 @@ def chart_regimes(
     path = save_figure(lambda: draw_map(reynolds, inertia, regime, title, measured), output)
     write_grid(path.with_suffix(".csv"), reynolds, inertia, falls)
     return conclusion
+
+
+def chart(request: Request) -> str:
+    """The map of a library shape, or of a disk, over the measured points of `request.source`, if any."""
+    return chart_regimes(request.output, request.source, request.shape, 7 if request.quick else 15)
 
 
 def write_grid(path: Path, reynolds: Array, inertia: Array, falls: Falls) -> None:
