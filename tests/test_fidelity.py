@@ -22,7 +22,7 @@ from warp_immersed.level_choice import Scale, behaviour, model_at_level
 from warp_immersed.pilot import calibrated, pilot_fall
 from warp_immersed.turbulence import HomogeneousTurbulence
 
-share = st.floats(0.0, 1.0)
+share = st.floats(0.0, 1.0, allow_subnormal=False)
 positive = st.floats(0.0, 1e6)
 behaviours = st.builds(
     Behaviour, flatness=share, roundness=share, reynolds=positive, wind=positive, stokes=positive | st.just(np.inf), glide=share,
@@ -352,5 +352,5 @@ def test_the_command_line_names_levels_and_reasons(command, tmp_path) -> None:
     assert result.returncode == 0, result.stderr
     lines = {line.split(":")[0].strip(): line for line in result.stdout.splitlines()}
     assert "(auto: round" in lines["hail"]
-    assert "quasi_steady (auto: without lift its fall would be 100 % off)" in lines["coin"]
+    assert "quasi_steady (auto: without lift its fall could be 75 % off)" in lines["coin"]
     assert "kirchhoff, " in lines["marked"]

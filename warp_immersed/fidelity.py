@@ -63,16 +63,16 @@ def choose(body: Behaviour, tolerance: float) -> Choice:
         error = lift_error(body)
         if error <= tolerance:
             return Choice("kirchhoff", error, "its attitude shows, lift is weak")
-        return Choice("quasi_steady", 0.0, f"without lift its fall would be {100 * error:.0f} % off")
+        return Choice("quasi_steady", 0.0, f"without lift its fall could be {100 * error:.0f} % off")
     unseen = "round" if body.roundness >= 1.0 - ROUND else f"{body.pixels:.1f} pixels large"
     point, drift = point_error(body), drift_error(body)
     if point + drift <= tolerance:
         return Choice("drift", point + drift, f"{unseen}, follows the wind at once")
     if point <= tolerance:
-        return Choice("point", point, f"{unseen}; without inertia it would be {100 * drift:.0f} % off")
+        return Choice("point", point, f"{unseen}; without inertia it could be {100 * drift:.0f} % off")
     if lift_error(body) <= tolerance:
-        return Choice("kirchhoff", lift_error(body), f"as a point it would be {100 * point:.0f} % off")
-    return Choice("quasi_steady", 0.0, f"as a point it would be {100 * point:.0f} % off")
+        return Choice("kirchhoff", lift_error(body), f"as a point it could be {100 * point:.0f} % off")
+    return Choice("quasi_steady", 0.0, f"as a point it could be {100 * point:.0f} % off")
 
 
 def swings(body: Behaviour) -> float:
@@ -82,7 +82,7 @@ def swings(body: Behaviour) -> float:
 
 def lift_error(body: Behaviour) -> float:
     """Error of `kirchhoff` against the full model: plates that swing do not glide without lift."""
-    return (swings(body) + 0.1 * body.flatness) * (1.0 + 0.6 * body.wind)
+    return (0.65 * swings(body) + 0.1 * body.flatness) * (1.0 + 0.6 * body.wind)
 
 
 def point_error(body: Behaviour) -> float:
