@@ -21,6 +21,7 @@ from warp_immersed.body_model import BodyModel, body_model, without_lift
 from warp_immersed.device_state import Group, Surroundings
 from warp_immersed.emitters import Emission, random_rotations
 from warp_immersed.ensemble import Ensemble
+from warp_immersed.errors import InputError
 from warp_immersed.fidelity import Behaviour, Level, drift_error, lift_error, point_error
 from warp_immersed.fluid import AIR, WATER
 from warp_immersed.level_choice import Scale, behaviour
@@ -123,7 +124,12 @@ def main() -> None:
     for name in names:
         for wind in (0.0, 0.3, 3.0) if options.quick else (0.0, 0.1, 0.3, 1.0, 3.0):
             for eddies in (20.0, 200.0) if wind > 0.0 and not options.quick else (20.0,):
-                for level, errors, limit in compare(name, wind, eddies, count):
+                try:
+                    rows = compare(name, wind, eddies, count)
+                except InputError as problem:
+                    print(f"{name:12} {wind:4.1f} {eddies:6.0f}  left out: {problem}", flush=True)
+                    continue
+                for level, errors, limit in rows:
                     holds = errors.largest <= limit + noise
                     checked, kept = checked + 1, kept + holds
                     print(

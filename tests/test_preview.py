@@ -67,20 +67,20 @@ def test_a_picture_shows_the_bodies_where_the_camera_projects_them(recorded) -> 
     from warp_immersed.picture import Photographer
 
     with open_shot(recorded) as shot:
-        photographer = Photographer(shot, 160, 90, 8)
+        photographer = Photographer(shot, 320, 180, 8)
         image = photographer.take((12,)).astype(float)
         empty = photographer.take(()).astype(float)
-        camera, poses = camera_of(shot, 160 / 90), shot.poses(12)
+        camera, poses = camera_of(shot, 320 / 180), shot.poses(12)
         again = photographer.take((12,)).astype(float)
     assert np.array_equal(image, again)
     forward = (camera.target - camera.position) / np.linalg.norm(camera.target - camera.position)
     right = np.cross(forward, [0.0, 1.0, 0.0])
     right /= np.linalg.norm(right)
     offset = poses.positions - camera.position
-    scale = 80.0 / np.tan(np.radians(camera.field_of_view / 2.0)) / (offset @ forward)
-    column = np.rint(79.5 + offset @ right * scale).astype(int)
-    row = np.rint(44.5 - offset @ np.cross(right, forward) * scale).astype(int)
-    inside = (column > 2) & (column < 157) & (row > 2) & (row < 87)
+    scale = 160.0 / np.tan(np.radians(camera.field_of_view / 2.0)) / (offset @ forward)
+    column = np.rint(159.5 + offset @ right * scale).astype(int)
+    row = np.rint(89.5 - offset @ np.cross(right, forward) * scale).astype(int)
+    inside = (column > 2) & (column < 317) & (row > 2) & (row < 177)
     assert inside.sum() > 20
     changed = np.abs(image - empty).max(axis=2) > 12.0
     hits = [changed[r - 1 : r + 2, c - 1 : c + 2].any() for r, c in zip(row[inside], column[inside], strict=True)]
@@ -112,7 +112,7 @@ def test_stills_sheets_and_movies(recorded, written, tmp_path) -> None:
 
 
 def test_the_view_of_a_scene_is_where_the_camera_stands(tmp_path) -> None:
-    wi.simulate(wi.Scene.from_text(VIEW + SCENE, "coins"), device="cpu").save(tmp_path / "a.h5")
+    wi.simulate(wi.Scene.from_text(SCENE + VIEW, "coins"), device="cpu").save(tmp_path / "a.h5")
     with open_shot(tmp_path / "a.h5") as shot:
         camera = camera_of(shot, 1.5)
     assert np.array_equal(camera.position, [0.0, 3.0, 4.0])

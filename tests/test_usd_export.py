@@ -230,7 +230,7 @@ def test_transforms_place_the_bodies_where_the_instancer_does(recording, single,
     assert [prim.GetName() for prim in bodies] == [f"coin_{i}" for i in range(30)] + [f"leaf_{i}" for i in range(30, 50)]
     drawn = [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Gprim)]
     assert not drawn, "prototypes are not drawn themselves"
-    assert len(stage.GetPrototypes()) == 2
+    assert len(stage.GetPrototypes()) == 1 + 4, "a coin, and a leaf in four tints"
     for prototype in stage.GetPrototypes():
         mesh = prototype.GetChild("Mesh")
         assert UsdShade.MaterialBindingAPI(mesh).ComputeBoundMaterial()[0].ComputeSurfaceSource()[0]
@@ -292,8 +292,8 @@ def test_a_part_keeps_its_time_codes_and_ids(recording, single, tmp_path) -> Non
 
 def test_prototypes_without_bodies_are_left_out(recording, tmp_path) -> None:
     stage = exported(recording, tmp_path / "part.usdc", None, chosen_bodies("leaf", recording.prototypes))
-    assert [target.name for target in crowd_of(stage).GetPrototypesRel().GetTargets()] == ["leaf"]
-    assert set(crowd_of(stage).GetProtoIndicesAttr().Get()) == {0}
+    assert [target.name for target in crowd_of(stage).GetPrototypesRel().GetTargets()] == [f"leaf_{i}" for i in range(4)]
+    assert set(crowd_of(stage).GetProtoIndicesAttr().Get()) == {0, 1, 2, 3}
 
 
 def test_a_recording_on_disk_is_exported_as_one_in_memory(recording, tmp_path) -> None:

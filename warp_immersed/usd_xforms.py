@@ -28,9 +28,10 @@ class XformWriter(CrowdWriter):
             create_mesh(stage, root.AppendChild("Mesh"), root.AppendChild("Look"), prototype, self.options.units_per_meter)
         self._bodies = []
         with Sdf.ChangeBlock():
+            kinds = [prototype.name for prototype in self.prototypes for _ in range(prototype.count)]
             for body, index in zip(self.ids.tolist(), worn.tolist(), strict=True):
-                name = wardrobe[index].name
-                self._bodies.append(create_body(self.root, CROWD.AppendChild(f"{name}_{body}"), folder.AppendChild(name)))
+                path, look = CROWD.AppendChild(f"{kinds[body]}_{body}"), folder.AppendChild(wardrobe[index].name)
+                self._bodies.append(create_body(self.root, path, look))
 
     def _write(self, frame: Frame) -> None:
         time_code, layer, rows = self.options.time_code(frame.index, self.fps), self.root, rows_of(self.ids)

@@ -32,8 +32,9 @@ def test_no_library_shape_diverges(fluid, fps) -> None:
         bodies = slice(index * count, (index + 1) * count)
         assert (run["state"][-1, bodies] == MOVING).all(), name
         speed = np.linalg.norm(run["velocities"][:, bodies], axis=2)
-        # solid balls and ellipsoids of 1000 kg/m^3 fall at some 25 m/s in air
-        assert speed.max() < (40.0 if not shape_of(name).is_sheet else 15.0 if fluid is AIR else 3.0), name
+        # solid balls and ellipsoids of 1000 kg/m^3 fall at some 25 m/s in air, coins at 19
+        heavy = not shape_of(name).is_sheet or name == "coin"
+        assert speed.max() < (40.0 if heavy else 15.0 if fluid is AIR else 3.0), name
         # no body can spin so fast that its rim outruns its fall by far
         rim = np.linalg.norm(run["angular_velocities"][:, bodies], axis=2) * shape_of(name).bounding_radius
         assert rim.max() < 8.0 * max(speed.max(), 0.3), name
