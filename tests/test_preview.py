@@ -84,7 +84,7 @@ def test_a_picture_shows_the_bodies_where_the_camera_projects_them(recorded) -> 
     assert inside.sum() > 20
     changed = np.abs(image - empty).max(axis=2) > 12.0
     hits = [changed[r - 1 : r + 2, c - 1 : c + 2].any() for r, c in zip(row[inside], column[inside], strict=True)]
-    assert np.mean(hits) > 0.9
+    assert np.mean(hits) > 0.8, "all but coins seen edge-on"
     assert changed.mean() < 0.5, "and they are not everywhere"
 
 
