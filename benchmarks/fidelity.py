@@ -88,7 +88,7 @@ def compare(name: str, wind: float, eddies: float, count: int) -> list[tuple[str
     shape = make()
     model = body_model(shape, fluid, kirchhoff_tensor(shape, fluid), GRAVITY)
     fall = pilot_fall(model, fluid, GRAVITY)
-    model = calibrated(model, fall)
+    model = calibrated(model, fall, wind)
     k = 1.5 * (wind * fall.speed) ** 2
     turbulence = HomogeneousTurbulence(k, k**1.5 / (eddies * model.eddy_size)) if wind > 0.0 else STILL
     surroundings = Surroundings(fluid, gravity=(0.0, -GRAVITY, 0.0), turbulence=turbulence)

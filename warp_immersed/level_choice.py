@@ -39,7 +39,7 @@ def model_at_level(
     needs_pilot = asked in ("drift", "point") or (asked == "auto" and not body.attitude_shows)
     if needs_pilot and body.roundness < 1.0 and gravity > 0.0:
         fall = cached_fall(model, surroundings.fluid, gravity, cache)
-        model = calibrated(model, fall)
+        model = calibrated(model, fall, body.wind * model.point.fall_speed / max(fall.speed, 1e-12))
         body = behaviour(shape, model, surroundings, fall, scale)
     choice = choose(body, scale.tolerance) if asked == "auto" else Choice(asked, float("nan"), "asked for")
     return (without_lift(model, gravity) if choice.level == "kirchhoff" else model), choice

@@ -69,8 +69,12 @@ def pilot_fall(model: BodyModel, fluid: Fluid, gravity: float) -> Fall:
     return Fall(float(fall.mean()), float(fall.std()), sideways, float(np.mean(spins)))
 
 
-def calibrated(model: BodyModel, fall: Fall) -> BodyModel:
-    """The model whose point falls, glides and tumbles as measured; its drag keeps its dependence on the speed."""
+def calibrated(model: BodyModel, fall: Fall, wind: float = 0.0) -> BodyModel:
+    """The model whose point falls, glides and tumbles as measured; its drag keeps its dependence on the speed.
+
+    wind: rms of the seen fluctuation over the fall speed. It turns bodies to other headings, which a point keeps: its glide
+    is less by (1 + wind)^-2, so that it spreads about as far.
+    """
     point = model.point
     if fall.speed <= 0.0 or point.fall_speed <= 0.0:
         return model
@@ -78,7 +82,7 @@ def calibrated(model: BodyModel, fall: Fall) -> BodyModel:
     before = point.drag[0] + point.drag[1] * point.fall_speed**0.5 + point.drag[2] * point.fall_speed
     needed = before * point.fall_speed / fall.speed
     # axes of tumbling point everywhere: of their sideways motion two thirds (in the mean square) are horizontal
-    glide = fall.sideways / fall.speed * (1.5**0.5)
+    glide = fall.sideways / fall.speed * (1.5**0.5) / (1.0 + wind) ** 2
     measured = PointModel(point.inertia, point.drag * (needed / guess), fall.speed, fall.spin / fall.speed, glide)
     return replace(model, point=measured)
 
