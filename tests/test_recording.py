@@ -122,3 +122,9 @@ def test_ctrl_c_keeps_the_frames_there_are(monkeypatch) -> None:
 
     monkeypatch.setattr(module, "MemorySink", Impatient)
     assert len(module.simulate(wi.Scene.from_text(SCENE), device="cpu").times) == 7
+
+
+def test_a_full_disk_met_while_reading_is_not_called_damage(recording, tmp_path) -> None:
+    recording.save(tmp_path / "coins.h5")
+    with pytest.raises(OSError, match="No space left"), wi.open_recording(tmp_path / "coins.h5"):
+        raise OSError(28, "No space left on device")

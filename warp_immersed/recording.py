@@ -121,6 +121,9 @@ def open_recording(path: str | Path) -> Iterator[Recording]:
                 **{name: file[name] for name in DATASETS},
             )
     except (OSError, KeyError, RuntimeError) as error:
+        # the system's own errors, such as a full disk met by whoever reads, have a number; HDF5's have none
+        if isinstance(error, OSError) and error.errno is not None:
+            raise
         raise InputError(f"recording {str(path)!r}: damaged or not an HDF5 file ({error})") from error
 
 
