@@ -132,6 +132,18 @@ def part_before_contact(
 
 
 @wp.func
+def over_contact(kind: Any, supports: wp.array(dtype=Any), orientation: Any, velocity: Any, spin: Any, normal: Any):
+    """Velocity of the centre of a body that slides with `velocity` and topples with `spin` on its lowest point."""
+    up = wp.quat_rotate_inv(orientation, normal)
+    lowest = wp.int32(0)
+    for i in range(1, kind.support_count):
+        if wp.dot(up, supports[kind.first_support + i]) < wp.dot(up, supports[kind.first_support + lowest]):
+            lowest = i
+    lever = wp.quat_rotate(orientation, supports[kind.first_support + lowest])
+    return velocity - unit_y(velocity) * (wp.dot(wp.cross(spin, lever), normal) / normal[1])
+
+
+@wp.func
 def settle(
     kind: Any,
     supports: wp.array(dtype=Any),

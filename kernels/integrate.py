@@ -9,7 +9,7 @@ from typing import Any
 import warp as wp
 
 from warp_immersed.kernels.aerodynamics import fastest_rate
-from warp_immersed.kernels.ground import lowest_point, part_before_contact, settle, unit_y
+from warp_immersed.kernels.ground import lowest_point, over_contact, part_before_contact, settle, unit_y
 from warp_immersed.kernels.langevin import as_floats, as_vector, half_curl, local_air, next_air, next_rotation, released_air
 from warp_immersed.kernels.rigid_body import FAILED, LANDED, MOVING, SETTLING, WAITING, momenta, velocities
 from warp_immersed.kernels.runge_kutta import MOST_SUBSTEPS, SUBSTEP_CRITERION, compensated_sum, is_finite, runge_kutta_4
@@ -220,7 +220,9 @@ def frame_kernel(name, rates):
             r, w = velocities(kind, p, l)
             velocity = wp.quat_rotate(q, r) + air
             angular_velocity = wp.quat_rotate(q, w)
-        elif status != SETTLING:
+        elif status == SETTLING:
+            velocity = over_contact(kind, supports, q, p, l, normal)
+        else:
             velocity = x - x
             angular_velocity = x - x
         if status == LANDED or status == FAILED:

@@ -10,7 +10,7 @@ from typing import Any
 
 import warp as wp
 
-from warp_immersed.kernels.ground import part_before_contact, settle, turned, unit_y
+from warp_immersed.kernels.ground import over_contact, part_before_contact, settle, turned, unit_y
 from warp_immersed.kernels.integrate import FAST
 from warp_immersed.kernels.langevin import as_floats, as_vector, next_air, released_air, uneven_air, uniform_air
 from warp_immersed.kernels.philox import STREAM_TUMBLING_AXIS, gaussian_normals
@@ -288,7 +288,9 @@ def point_kernel(name, start, advance_state, full_velocity, has_inertia, wind_va
         if status == MOVING:
             velocity = full_velocity(kind, r, w) + air
             substeps = environment.wind_steps
-        elif status != SETTLING:
+        elif status == SETTLING:
+            velocity = over_contact(kind, supports, q, r, w, normal)
+        else:
             velocity = x - x
             angular_velocity = x - x
         if status == LANDED or status == FAILED:

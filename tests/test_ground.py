@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tests.bodies import model_in, random_orientations, rotate, started, trajectory
 from warp_immersed import library
-from warp_immersed.device_state import Surroundings
+from warp_immersed.device_state import Group, Surroundings
 from warp_immersed.fluid import AIR, WATER
 from warp_immersed.kernels.rigid_body import LANDED, MOVING
 from warp_immersed.resting import resting
@@ -162,3 +163,20 @@ def test_bodies_lie_along_a_slope() -> None:
     normals = rotate(run["orientations"][-1].astype(float), np.tile([0.0, 0.0, 1.0], (30, 1)))
     assert np.allclose(np.abs(normals @ up), 1.0, atol=1e-6)
     assert np.allclose(run["positions"][-1] @ up, shape.thickness / 2.0, atol=1e-5)
+
+
+@pytest.mark.parametrize("level", ["quasi_steady", "point"])
+def test_velocities_are_those_of_the_motion_while_a_body_topples(level) -> None:
+    """Motion blur at landing: the centre sinks as the body turns about its lowest point, and the velocity says so."""
+    fps = 480.0
+    start = started(positions=(0.0, 0.03, 0.0), orientations=Rotation.from_euler("x", -30.0, degrees=True).as_quat())
+    group = Group(model_in(library.disk(0.04, 1e-3, 2000.0), AIR), start, 1, level)
+    run = trajectory([group], None, Surroundings(AIR, ground_height=0.0), fps, 400)
+    y, v = run["positions"][:, 0, 1].astype(float), run["velocities"][:, 0, 1]
+    touched = int(np.argmax(np.diff(v) > 0.02))
+    rest = int(np.argmax(run["state"][:, 0] == LANDED))
+    toppling = slice(touched + 3, rest - 3)
+    assert rest - touched > 20
+    measured = (y[2:] - y[:-2])[touched + 2 : rest - 4] * fps / 2.0
+    assert np.abs(measured).max() > 0.01
+    assert np.abs(v[toppling] - measured).max() < 0.05 * np.abs(measured).max() + 1e-4
