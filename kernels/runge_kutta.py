@@ -9,7 +9,7 @@ wp.set_module_options({"enable_backward": False})
 # RK4 is accurate to 1 % where (fastest rate) * (substep) <= 1 with the rates of force_law.py, and dies near 3.
 SUBSTEP_CRITERION = wp.constant(1.0)
 # A body that asks for more in one frame is lost: it counts as failed.
-MOST_SUBSTEPS = 20000
+MOST_SUBSTEPS = 100000
 
 
 @wp.func
