@@ -21,6 +21,8 @@ ATTITUDE_PIXELS = 3.0
 ROUND = 0.15
 # Plates below this Reynolds number fall flat and steadily (Field et al., Nature 388 (1997) 252); above, they swing.
 STEADY_REYNOLDS = 100.0
+# Below this one bodies keep the attitude they have, and drag is linear: a point needs no calibration.
+CREEPING_REYNOLDS = 0.1
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from warp_immersed.body_model import BodyModel, without_lift
 from warp_immersed.boundaries import VON_KARMAN, LogInlet
 from warp_immersed.device_state import Surroundings
-from warp_immersed.fidelity import Behaviour, Choice, Fidelity, choose
+from warp_immersed.fidelity import CREEPING_REYNOLDS, Behaviour, Choice, Fidelity, choose
 from warp_immersed.force_law import flatness
 from warp_immersed.pilot import Fall, cached_fall, calibrated
 from warp_immersed.seen_turbulence import seen_turbulence
@@ -37,7 +37,7 @@ def model_at_level(
     gravity = float(np.linalg.norm(surroundings.gravity))
     body = behaviour(shape, model, surroundings, None, scale)
     needs_pilot = asked in ("drift", "point") or (asked == "auto" and not body.attitude_shows)
-    if needs_pilot and body.roundness < 1.0 and gravity > 0.0:
+    if needs_pilot and body.roundness < 1.0 and body.reynolds > CREEPING_REYNOLDS and gravity > 0.0:
         fall = cached_fall(model, surroundings.fluid, gravity, cache)
         model = calibrated(model, fall, body.wind * model.point.fall_speed / max(fall.speed, 1e-12))
         body = behaviour(shape, model, surroundings, fall, scale)
@@ -46,17 +46,19 @@ def model_at_level(
 
 
 def behaviour(shape: Shape, model: BodyModel, surroundings: Surroundings, fall: Fall | None, scale: Scale) -> Behaviour:
-    """The numbers that decide; without a pilot run plates count as gliders."""
+    """The numbers that decide; without a pilot run plates count as gliders, unless they creep."""
     gravity = float(np.linalg.norm(surroundings.gravity))
     speed = max(model.point.fall_speed, 1e-12)
     fluid = surroundings.fluid
     seen = seen_turbulence(typical_turbulence(surroundings), fluid, model.eddy_size)
     plate = flatness(shape)
-    glide = min(plate, 0.5) if fall is None else fall.sideways / speed
+    reynolds = speed * model.eddy_size / fluid.kinematic_viscosity
+    unknown = min(plate, 0.5) if reynolds > CREEPING_REYNOLDS else 0.0
+    glide = unknown if fall is None else fall.sideways / speed
     return Behaviour(
         flatness=plate,
         roundness=float(shape.semi_axes.min() / shape.semi_axes.max()),
-        reynolds=speed * model.eddy_size / fluid.kinematic_viscosity,
+        reynolds=reynolds,
         wind=seen.velocity_rms / speed,
         # a body lags behind the air by g-times less than it falls: also where the fluid's own inertia carries it along
         stokes=speed / gravity / seen.time_scale if seen.time_scale > 0.0 and gravity > 0.0 else 0.0,

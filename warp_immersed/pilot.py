@@ -26,11 +26,10 @@ RELAXATIONS = 8.0
 
 @dataclass(frozen=True)
 class Fall:
-    """How bodies of one kind fall in still fluid, on average: speed along gravity [m/s], its scatter between bodies (standard
-    deviation) [m/s], sideways speed of their mean paths [m/s], spin [rad/s]."""
+    """How bodies of one kind fall in still fluid, on average: speed along gravity [m/s], sideways speed of their mean paths
+    [m/s], spin [rad/s]."""
 
     speed: float
-    scatter: float
     sideways: float
     spin: float
 
@@ -43,7 +42,7 @@ def pilot_fall(model: BodyModel, fluid: Fluid, gravity: float) -> Fall:
     """
     speed, length = model.point.fall_speed, model.eddy_size
     if speed <= 0.0:
-        return Fall(0.0, 0.0, 0.0, 0.0)
+        return Fall(0.0, 0.0, 0.0)
     relaxation = speed * model.point.inertia / (abs(model.net_weight) * gravity)
     frame = max(FRAME_LENGTHS * length / speed, RELAXATIONS * relaxation / TRANSIENT)
     turns = random_rotations(np.random.default_rng(0).random((BODIES, 3)))
@@ -66,7 +65,7 @@ def pilot_fall(model: BodyModel, fluid: Fluid, gravity: float) -> Fall:
         raise InputError("the full model could not follow this body, so that it cannot be calibrated as a point")
     fall = -np.sign(model.net_weight) * path[:, 1]
     sideways = float(np.sqrt((path[:, [0, 2]] ** 2).sum(axis=1).mean()))
-    return Fall(float(fall.mean()), float(fall.std()), sideways, float(np.mean(spins)))
+    return Fall(float(fall.mean()), sideways, float(np.mean(spins)))
 
 
 def calibrated(model: BodyModel, fall: Fall, wind: float = 0.0) -> BodyModel:
@@ -90,9 +89,11 @@ def calibrated(model: BodyModel, fall: Fall, wind: float = 0.0) -> BodyModel:
 def cached_fall(model: BodyModel, fluid: Fluid, gravity: float, folder: Path) -> Fall:
     """`pilot_fall`, kept in a folder by everything it depends on."""
     digest = hashlib.sha256(f"{__version__} {fluid} {gravity}".encode())
-    for name, value in sorted({**vars(model), **vars(model.loads), **vars(model.rates), **vars(model.point)}.items()):
-        if isinstance(value, (float, np.ndarray)):
-            digest.update(name.encode() + np.asarray(value, dtype=np.float64).tobytes())
+    parts = [model, model.loads, model.rates, model.point, *model.plates, *(plate.loads for plate in model.plates)]
+    for part in parts:
+        for name, value in sorted(vars(part).items()):
+            if isinstance(value, (float, np.ndarray)):
+                digest.update(name.encode() + np.asarray(value, dtype=np.float64).tobytes())
     path = folder / f"{digest.hexdigest()}.json"
     try:
         return Fall(**json.loads(path.read_text(encoding="utf-8")))
